@@ -151,7 +151,7 @@ def continue_orbit(
         curve.unit,
         tuple(np.array(curve.family.names)[curve.search.reach != 0].tolist()),
         np.array([one.value for one in places]),
-        tuple(curve.orbit(one.at) for one in places),
+        tuple(orbit_of(curve.search, one.at) for one in places),
         tuple(mark for one in places for mark in one.marks),
         (back, ahead),
     )
@@ -188,7 +188,6 @@ class _Curve:
         self.unit = "m/s" if self.place is None else family.units[self.place]
         self.search = OrbitSearch(orbit.map, family, orbit.steps)
         self.family, self.count = family, len(self.search.frame.kept)
-        self.added_mass = orbit.added_mass
         own = zip(names, family.neutral, strict=True)
         values = np.array([orbit.parameters.get(name, neutral) for name, neutral in own])
         at = self.fly(orbit.states, values)
@@ -250,10 +249,8 @@ class _Curve:
     ) -> SearchPoint | None:
         """Orbit near a point, by Newton's method; None where it does not converge.
 
-        Args:
-            at: The point.
-            row: Direction across which is searched, scaled; None for the shortest way.
-            target: Value that the parameter takes instead.
+        It is searched the shortest way, across a scaled direction, or where the parameter has a
+        target value.
         """
         for _ in range(_NEWTON):
             off = 0.0 if target is None else target - self.value(at)
@@ -280,7 +277,7 @@ class _Curve:
         ways = ways[np.count_nonzero(sizes > _ROUNDING * sizes[0]) :]  # several at a branch point
         goes = ways @ (way * slope if before is None else before)[moving]
         tangent[moving] = goes @ ways / max(np.linalg.norm(goes), _ROUNDING)
-        size = self.orbit(at).multipliers
+        size = orbit_of(self.search, at).multipliers
         return _Place(at, self.value(at), tangent, float(slope @ tangent), size)
 
     def next(self, here: _Place, length: float) -> _Place | None:
@@ -292,14 +289,6 @@ class _Curve:
             return None
         found = self.placed(at, here.tangent, 1.0)
         return found if found.tangent @ here.tangent >= _BEND else None
-
-    def exceeded(self, at: SearchPoint) -> str:
-        """Limit of an actuated or a passive joint that a point exceeds, in words, or ""."""
-        return self.search.excess(at.values) or self.search.strained(at)
-
-    def orbit(self, at: SearchPoint) -> Orbit:
-        """Orbit of a point."""
-        return orbit_of(self.search, at, self.added_mass)
 
 
 def _walk(
@@ -319,7 +308,9 @@ def _walk(
             end = min(max(ahead.value, low), high)
             at = curve.corrected(ahead.at, target=end)
             ahead = None if at is None else curve.placed(at, here.tangent, 1.0)
-        excess = "" if ahead is None else curve.exceeded(ahead.at)
+        excess = ""
+        if ahead is not None:
+            excess = curve.search.excess(ahead.at.values) or curve.search.strained(ahead.at)
         if ahead is None or excess:
             length /= 2
             if length < _SHORTEST * longest:
@@ -336,12 +327,12 @@ def _marks(
     curve: _Curve, here: _Place, ahead: _Place, way: float, length: float
 ) -> tuple[Bifurcation, ...]:
     """Bifurcations between neighbors, in the order of the branch from its least end."""
-    marks: list[tuple[float, Bifurcation]] = []
+    marks: list[tuple[float, str, _Place, complex]] = []
     turned = here.pace * ahead.pace < 0
     if turned:
         part, place = _between(curve, here, length, lambda one: np.sign(one.pace))
         near = place.size[np.argmin(np.abs(place.size - 1.0))]
-        marks.append((part, _bifurcation(curve, "fold", place, near)))
+        marks.append((part, "fold", place, near))
     if _unstable(here) != _unstable(ahead):
         part, place = _between(curve, here, length, _unstable)
         apart = np.abs(np.abs(place.size) - 1.0)
@@ -349,8 +340,11 @@ def _marks(
         crossing = near[np.argmax(np.abs(near - 1.0))]  # neutral ones stay at 1
         kind = crossing_kind(crossing)
         if not (kind == "branch point" and turned):
-            marks.append((part, _bifurcation(curve, kind, place, crossing)))
-    return tuple(mark for _, mark in sorted(marks, key=lambda one: way * one[0]))
+            marks.append((part, kind, place, crossing))
+    return tuple(
+        Bifurcation(kind, place.value, complex(multiplier), orbit_of(curve.search, place.at))
+        for _, kind, place, multiplier in sorted(marks, key=lambda one: way * one[0])
+    )
 
 
 def crossing_kind(multiplier: complex) -> str:
@@ -378,7 +372,3 @@ def _between(
         place = found
         low, high = (middle, high) if number(found) == number(here) else (low, middle)
     return low, place
-
-
-def _bifurcation(curve: _Curve, kind: str, place: _Place, multiplier: complex) -> Bifurcation:
-    return Bifurcation(kind, place.value, complex(multiplier), curve.orbit(place.at))

@@ -9,7 +9,7 @@ begin; what goes beyond in between is taken off the limits and the program solve
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import casadi as ca
@@ -108,7 +108,7 @@ class _Swings:
         high: Greatest, (l,) [SI].
         least: Least half swing, (l,) [SI].
         most: Greatest, (l,) [SI].
-        names: Names of the joints.
+        names: Names of the motions.
     """
 
     columns: Indices
@@ -146,23 +146,23 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
     robot, n = flight.robot, len(family.base.joints)
     moved: Array = np.abs(rows.slopes).max(axis=(0, 1))
     ranges = {k: one.range for _, one, kind, k in family.commanded if kind == "amplitude"}
+    rates = {"speed": robot.speed_limit, "acceleration": robot.acceleration_limit}
     found: dict[tuple[Any, ...], tuple[tuple[Any, ...], str]] = {}
     for k, (joint, i) in enumerate(zip(family.base.joints, robot.actuated, strict=True)):
         own, mean = np.array([robot.lower[i], robot.upper[i]]), family.base.mean[k]
         ends = np.where(np.isfinite(own), own, (mean - FARTHEST, mean + FARTHEST))
-        limits = [(k, *ends, *ranges.get(k, (0.0, np.inf)))]
-        for order, rates in ((1, robot.speed_limit), (2, robot.acceleration_limit)):
-            if rates and np.isfinite(rates[i]):
-                limits.append((k + order * n, -rates[i], rates[i], 0.0, np.inf))
-        for limit in limits:
+        limits = {joint: (k, *ends, *ranges.get(k, (0.0, np.inf)))}
+        for order, (rate, most) in enumerate(rates.items(), 1):
+            if most and np.isfinite(most[i]):
+                limits[f"{rate} of {joint}"] = k + order * n, -most[i], most[i], 0.0, np.inf
+        for name, limit in limits.items():
             column, *others = limit
             if moved[column]:
                 motion, way = rows.table[:, column], rows.slopes[:, :, column]
-                found.setdefault((motion.tobytes(), way.tobytes(), *others), (limit, joint))
+                found.setdefault((motion.tobytes(), way.tobytes(), *others), (limit, name))
     bounds = np.array([limit for limit, _ in found.values()], float).reshape(-1, 5)
-    columns, low, high, least, most = bounds.T
-    joints = tuple(joint for _, joint in found.values())
-    return _Swings(columns.astype(np.int64), low, high, least, most, joints)
+    names = tuple(name for _, name in found.values())
+    return _Swings(bounds[:, 0].astype(np.int64), *bounds.T[1:], names)
 
 
 def _linear_ranges(family: GaitFamily) -> _Ranges:
@@ -261,15 +261,12 @@ def _ends(
     longer = half / ca.sin(half) if conditions.turn_rate else 1.0
     forward = longer * (ca.cos(half) * last[x] + ca.sin(half) * last[y])
     returned = (seen[frame.kept] - first[frame.kept]) / state_sizes(names)[frame.kept]
-    found = [returned, last[yaw] - conditions.turn_rate * period]
-    if conditions.climb is not None:
-        found.append(last[z] - conditions.climb * period)
-    if conditions.speed is not None:
-        found.append(forward - conditions.speed * period)
-    costs = {"power": work / period, "range": work / forward, "speed": -forward / period}
-    cost = costs[goal]
+    wanted = conditions.turn_rate, conditions.climb, conditions.speed
+    ways = zip((last[yaw], last[z], forward), wanted, strict=True)
+    others = [way - rate * period for way, rate in ways if rate is not None]
+    cost = {"power": work / period, "range": work / forward, "speed": -forward / period}[goal]
     given = ca.vertcat(first, last, work, values)
-    ends = ca.vertcat(*found)
+    ends = ca.vertcat(returned, *others)
     weights = ca.SX.sym("weights", 1 + ends.shape[0])
     slopes = ca.gradient(cost, given), ends, ca.densify(ca.jacobian(ends, given))
     bends = ca.hessian(ca.dot(weights, ca.vertcat(cost, ends)), given)[0]
@@ -283,9 +280,8 @@ class GaitProgram:
     """Nonlinear program for the best gait of a robot; z is the vector of scaled unknowns.
 
     Args:
-        flight: Map of the flight with the work of the joints.
         family: Gaits that the parameters reach.
-        start: Orbit to begin from.
+        start: Orbit to begin from, with its robot and air.
         goal: "power" for the least mean power, "range" for the least energy a meter, "speed" for
             the greatest speed.
         conditions: Conditions in addition to periodicity.
@@ -298,13 +294,9 @@ class GaitProgram:
     """
 
     def __init__(
-        self,
-        flight: FlightMap,
-        family: GaitFamily,
-        start: Orbit,
-        goal: Goal,
-        conditions: Conditions,
+        self, family: GaitFamily, start: Orbit, goal: Goal, conditions: Conditions
     ) -> None:
+        flight = FlightMap(start.robot, start.aero, start.added_mass, work=True)
         self.flight, self.family, self.steps = flight, family, start.steps
         self.names, self.parts = flight.names[:-1], len(start.states)
         nodes = np.vstack([start.states, start.segments.ends[-1]])
@@ -365,10 +357,6 @@ class GaitProgram:
         places = dict(zip(scales, map(slice, at, at[1:]), strict=True))
         return places, np.concatenate([*scales.values()])
 
-    def _outside(self, z: Array) -> Array:
-        """First and last state, work and parameters, (2 n + 1 + p,) [SI]."""
-        return np.asarray((z * self.scale)[self._outer])
-
     def _flown(self, z: Array) -> tuple[Array, PrescribedRows, Segments]:
         """Nodes, rows and flight of all segments; those of the last unknowns are known."""
         key = z.tobytes()
@@ -397,12 +385,12 @@ class GaitProgram:
 
     def cost(self, z: Array) -> float:
         """Cost over that at the beginning."""
-        return self._weight * float(self._cost(self._outside(z))[0])
+        return self._weight * float(self._cost((z * self.scale)[self._outer])[0])
 
     def gradient(self, z: Array) -> Array:
         """Gradient of the cost."""
-        found = np.zeros(len(z))
-        found[self._outer] = np.array(self._cost(self._outside(z))[1]).ravel()
+        found, w = np.zeros(len(z)), z * self.scale
+        found[self._outer] = np.array(self._cost(w[self._outer])[1]).ravel()
         return np.asarray(self._weight * found * self.scale)
 
     def constraints(self, z: Array) -> Array:
@@ -435,7 +423,7 @@ class GaitProgram:
         else:
             _, rows, flown = self._flown(z)
             a, b = flown.by_state, flown.by_parameter
-            outer = self._cost(self._outside(z))[3]
+            outer = self._cost((z * self.scale)[self._outer])[3]
             motion = rows.slopes.transpose(0, 2, 1)[self._sampled]
         at, values = self._rows, self._values
         found = np.zeros((len(self._row_scale), len(self.scale)))
@@ -466,10 +454,7 @@ class GaitProgram:
     def bends(self, z: Array, weight: float, multipliers: Array) -> Array:
         """Hessian of the Lagrangian, by differences of exact derivatives of each segment.
 
-        Args:
-            z: Scaled unknowns.
-            weight: Multiplier of the cost.
-            multipliers: Those of the constraints.
+        Weight and multipliers are those of the cost and of the constraints in the Lagrangian.
         """
         n, m, w = len(self.names), self.parts, z * self.scale
         own = {kind: (multipliers / self._row_scale)[at] for kind, at in self._rows.items()}
@@ -507,28 +492,21 @@ class GaitProgram:
             rows = self._prescribed(given)
             change = gradient(rows, self._fly(nodes, rows))[1] - here[1]
             found[values, values.start + i] += change.sum(axis=0) / (_STEP * size)
-        both = np.outer(self.scale, self.scale)
-        return np.asarray(0.5 * (found + found.T) * both)
+        return np.asarray(0.5 * (found + found.T) * np.outer(self.scale, self.scale))
 
     def solve(self, progress: Progress | None = None) -> Optimum:
-        """Solution of the program, its limits kept between the samples too.
-
-        Args:
-            progress: Function that takes the iterations done, and those at most.
-        """
+        """Solution of the program, its limits kept between the samples too; progress of IPOPT."""
         self._progress = progress
         begin: dict[str, Any] = {"x0": self.begin}
         for _ in range(_AGAIN):
             begin, found = self._solved(begin)
             if not found.solved:
                 break
-            beyond = self._beyond_limits(found.values)
-            over, strain = self._overloads(found), self._strains(found)
-            if not (beyond.any() or over.any() or strain.any()):
+            excess = self._beyond_limits(found.values), self._overloads(found), self._strains(found)
+            if not any((over > 0.0).any() for over in excess):
                 break
-            self._beyond += beyond
-            self._over += over
-            self._strain += strain
+            for margin, over in zip((self._beyond, self._over, self._strain), excess, strict=True):
+                margin[over > 0.0] += over[over > 0.0] + _CLOSE
         return found
 
     def _overloads(self, found: Optimum) -> Array:
@@ -538,19 +516,15 @@ class GaitProgram:
         rows, states = self._prescribed(found.values), np.zeros((self.steps, self.flight.size))
         states[0, :-1] = found.nodes[0]
         for k in range(self.steps - 1):
-            at = slice(2 * k, 2 * k + 3)
-            row = replace(rows, table=rows.table[at], slopes=rows.slopes[at])
-            states[k + 1] = self.flight.fly(states[k : k + 1], row).ends[0]
+            step = rows.part(k, self.steps)
+            states[k + 1] = self.flight.fly(states[k : k + 1], step).ends[0]
         loads = self.flight.loads(states, rows).ends[:, self._loads.columns]
-        over = np.abs(loads).max(axis=0) / self._loads.limits - 1.0
-        return np.where(over > 0.0, over + _CLOSE, 0.0)
+        return np.asarray(np.abs(loads).max(axis=0) / self._loads.limits - 1.0)
 
     def _strains(self, found: Optimum) -> Array:
         """Excess of passive joints between nodes beyond their limits, low and high, (2, l) [SI]."""
-        period = 1.0 / self.family.gait(found.values).frequency
-        least, most = self._passive.ends(found.nodes, period)
-        over = np.array([self._passive.low - least, most - self._passive.high])
-        return np.where(over > 0.0, over + _CLOSE, 0.0)
+        ends = self._passive.ends(found.nodes, 1.0 / self.family.gait(found.values).frequency)
+        return np.array([[-1.0], [1.0]]) * (ends - self._passive.limits)
 
     def _beyond_limits(self, values: Array) -> Array:
         """Excess of motions between samples beyond their limits, above and below, (2, l) [SI]."""
@@ -559,8 +533,7 @@ class GaitProgram:
         limited = np.hstack([*motion])[:, swings.columns]
         top, bottom = limited.max(axis=0), limited.min(axis=0)
         over = np.array([top - swings.high, swings.low - bottom])
-        over = np.maximum(over, (top - bottom - 2.0 * swings.most) / 2.0)
-        return np.where(over > 0.0, over + _CLOSE, 0.0)
+        return np.asarray(np.maximum(over, (top - bottom - 2.0 * swings.most) / 2.0))
 
     def _bounds(self) -> tuple[Array, Array, Array, Array]:
         """Least and greatest of unknowns and of constraints, scaled."""
@@ -571,11 +544,12 @@ class GaitProgram:
         least = most.copy()
         pitch, yaw = self.names.index("pitch"), len(frame.kept)
         free = [k for k, place in enumerate(frame.kept) if place in self.lateral]
-        for side, unknowns, rows in ((-1.0, low, least), (1.0, high, most)):
+        passive = zip(self._passive.limits, self._strain, strict=True)
+        sides = zip((-1.0, 1.0), passive, (low, high), (least, most), strict=True)
+        for side, (limits, strain), unknowns, rows in sides:
             nodes = unknowns[self._nodes].reshape(m + 1, -1)
             nodes[:, pitch] = side * STEEPEST
-            limits = (self._passive.low, self._passive.high)[side > 0]
-            nodes[:, self._passive.places] = limits - side * self._strain[int(side > 0)]
+            nodes[:, self._passive.places] = limits - side * strain
             nodes[0, frame.neutral] = 0.0
             nodes[:, self.lateral] = 0.0  # no unknowns, no conditions
             rows[at["defects"]].reshape(m, -1)[:, self.lateral] = side * np.inf
@@ -619,8 +593,7 @@ class GaitProgram:
             done += 1  # one an iteration
             if self._progress is not None:
                 self._progress(min(done, _ITERATIONS), _ITERATIONS)
-            found = self.bends(z, float(weight[0]), multipliers)
-            return [ca.DM(bends, found[of_bends])]
+            return [ca.DM(bends, self.bends(z, float(weight[0]), multipliers)[of_bends])]
 
         cost = _Callback("values", both, [own], [one, rows])
         given = {
@@ -686,17 +659,14 @@ class GaitProgram:
     def _held(self, of: Array, on: Array) -> tuple[str, ...]:
         """Limits that hold the gait back, in words."""
         swings, at, found = self._swings, self._rows, list[str]()
-        n = len(self.family.base.joints)
-        kinds = ["", "speed of ", "acceleration of "]
         limits = {
             "{} at its upper limit": of[self._top],
             "{} at its lower limit": of[self._bottom],
             "amplitude of {} at its greatest": on[at["swings"]],
             "amplitude of {} at its least": on[at["least"]],
         }
-        for k, (column, name) in enumerate(zip(swings.columns, swings.names, strict=True)):
-            told = kinds[column // n] + name
-            found += [words.format(told) for words, own in limits.items() if abs(own[k]) > _ACTIVE]
+        for k, name in enumerate(swings.names):
+            found += [words.format(name) for words, own in limits.items() if abs(own[k]) > _ACTIVE]
         of_nodes = of[self._nodes].reshape(self.parts + 1, -1)
         for i, own in zip(self._passive.dofs, of_nodes.T[self._passive.places], strict=True):
             sides = {"upper": own.max(), "lower": -own.min()}

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from patagium.control.gait_program import (
 )
 from patagium.control.orbit import NoOrbit, Orbit, said
 from patagium.control.trimming import NEARBY, Conditions, OrbitSearch, orbit_of, stable_steps, trim
-from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
@@ -195,9 +194,9 @@ def optimize(
             robot, aero, gait, speed=speed, climb=climb, added_mass=added_mass, steps=steps,
             tolerable=tolerable,
         )  # fmt: skip
-        if isinstance(trimmed, NoOrbit) and trimmed.beyond is None:
+        start = trimmed.beyond if isinstance(trimmed, NoOrbit) else trimmed
+        if start is None:  # one beyond limits is kept: they hold in the program
             return trimmed
-        start = cast(Orbit, getattr(trimmed, "beyond", trimmed))  # limits hold in the program
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
     elif (steps or start.steps, tolerable) != (start.steps, None):
@@ -301,7 +300,7 @@ def _optimal(
     progress: Progress | None,
 ) -> OptimalGait | NoOrbit:
     """Optimal gait from an orbit nearby, within one family of gaits."""
-    robot, added_mass = start.robot, start.added_mass
+    robot = start.robot
     if "yaw" not in start.names:
         raise ParameterError("robot", "a body that floats, with Euler angles", robot.name)
     names = coefficients(robot, start.gait, harmonics) if free is None else tuple(free)
@@ -309,12 +308,11 @@ def _optimal(
     if free is None:
         family = _in_plane(family, start)
     search = OrbitSearch(start.map, family, start.steps)
-    flight = FlightMap(robot, start.aero, added_mass, work=True)
-    program = GaitProgram(flight, family, start, goal, conditions)
+    program = GaitProgram(family, start, goal, conditions)
     found = program.solve(progress)
     if not found.solved:
-        begun = search.strained(search.point(start.states, family.neutral, conditions))
-        return _not_found(family.names, found, overloads=program.overloads, strained=begun)
+        begun = search.point(start.states, family.neutral, conditions)
+        return _not_found(program, found, search.strained(begun))
     nodes, values = found.nodes[:-1], found.values
     alike = all(
         asked is None or abs(getattr(start, name) - asked) <= _ALIKE
@@ -327,9 +325,9 @@ def _optimal(
     else:
         trouble = f"the beat of the best gait does not close: a misfit of {at.residual:.2g}"
     if trouble:
-        return _not_found(family.names, found, reason=trouble)
+        return _not_found(program, found, trouble)
     return OptimalGait(
-        orbit_of(search, at, added_mass),
+        orbit_of(search, at),
         goal,
         harmonics,
         found.work * family.gait(found.values).frequency,
@@ -357,27 +355,21 @@ def _in_plane(family: GaitFamily, start: Orbit) -> GaitFamily:
     return replace(family, names=chosen, directions=family.directions[kept])
 
 
-def _not_found(
-    names: Sequence[str],
-    found: Optimum,
-    *,
-    reason: str = "",
-    overloads: Sequence[str] = (),
-    strained: str = "",
-) -> NoOrbit:
-    """Failure of a program in words."""
-    parts = [reason or _REASONS.get(found.status, found.status.replace("_", " ").lower())]
-    if overloads:
-        parts.append(f"the gait it began from takes {', '.join(overloads)}")
-    if strained:
-        parts.append(f"in the flight it began from {strained}")
+def _not_found(program: GaitProgram, found: Optimum, trouble: str) -> NoOrbit:
+    """Failure in words, with trouble of the beat that was found, or of the one begun from."""
+    reason, remedy = trouble, NEARBY
     if not found.solved:
+        parts = [_REASONS.get(found.status, found.status.replace("_", " ").lower())]
+        if overloads := program.overloads:
+            parts.append(f"the gait it began from takes {', '.join(overloads)}")
+            remedy += ", or raise that limit"
+        if trouble:
+            parts.append(f"in the flight it began from {trouble}")
+            remedy += ", or stiffen its spring or widen its limits"
         parts.append(f"residual {found.residual:.2g} after {found.iterations} iterations")
-    told = "; ".join(parts)
-    remedy = NEARBY + ", or raise that limit" * bool(overloads)
-    remedy += ", or stiffen its spring or widen its limits" * bool(strained)
-    nearest = dict(zip(names, map(float, found.values), strict=True))
-    return NoOrbit(told, remedy, {}, found.residual, found.iterations, nearest)
+        reason = "; ".join(parts)
+    nearest = dict(zip(program.family.names, map(float, found.values), strict=True))
+    return NoOrbit(reason, remedy, {}, found.residual, found.iterations, nearest)
 
 
 _REASONS = {

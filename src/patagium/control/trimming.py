@@ -53,7 +53,7 @@ _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _BEYOND = 1e-7  # rad or m, that a joint may be beyond its limit: what its phase changes of peaks
 _BETWEEN = 12  # samples of a segment, of the motion of passive joints
-_SHORTEST = 1.0 / 256  # part of a Newton step
+_PARTS = 0.5 ** np.arange(9)  # of a Newton step
 _RANK = 1e-9  # of singular values that count
 _SURE = 0.05  # size of misfits from which on Newton steps no longer bring a gait back in its limits
 _PROJECTIONS, _SETTLED = 10, 1e-2  # ways back to where a search began, and the last one's length
@@ -140,17 +140,12 @@ class Point(NamedTuple):
 
 
 class PassiveLimits:
-    """Limits of passive joints in a beat.
-
-    Args:
-        robot: The machine.
-        names: Names of the entries of a state.
+    """Limits of passive joints, by the names of the entries of a state.
 
     Attributes:
         dofs: Degrees of freedom that have limits, (l,).
         places: Places of their coordinates in a state, (l,).
-        low: Lower limits, (l,) [rad, m].
-        high: Upper limits, (l,) [rad, m].
+        limits: Lower and upper limits, (2, l) [rad, m].
     """
 
     def __init__(self, robot: Robot, names: Sequence[str]) -> None:
@@ -159,22 +154,19 @@ class PassiveLimits:
         self.dofs = [i for i in joints if np.isfinite(limits[:, i]).any()]
         self.places = [names.index(robot.dof_names[i]) for i in self.dofs]
         self._rates = [k + len(robot.passive) for k in self.places]
-        self.low, self.high = limits[:, self.dofs]
+        self.limits = limits[:, self.dofs]
 
     def ends(self, nodes: Array, period: float) -> Array:
-        """Least and greatest coordinates of a beat, by cubics between nodes, (2, l) [rad, m].
+        """Least and greatest coordinates of a beat by its nodes, (m + 1, n) [SI], (2, l) [rad, m].
 
-        They are widened by what cubics err: an eighth of the change with nodes twice as far apart
-        (a sixteenth for a smooth motion).
-
-        Args:
-            nodes: States at both ends of each segment, (m + 1, n) [SI].
-            period: Time of the beat [s].
+        Those of cubics between nodes, widened by what they err: an eighth of the change with nodes
+        twice as far apart (a sixteenth for a smooth motion).
         """
-        time, q, v = np.linspace(0.0, period, len(nodes)), nodes[:, self.places], self._rates
+        time = np.linspace(0.0, period, len(nodes))
         between = np.linspace(0.0, period, _BETWEEN * (len(nodes) - 1) + 1)
         motion, coarse = (
-            CubicHermiteSpline(time[::k], q[::k], nodes[::k, v])(between) for k in (1, 2)
+            CubicHermiteSpline(time[::k], own[:, self.places], own[:, self._rates])(between)
+            for k, own in ((1, nodes), (2, nodes[::2]))
         )
         error = np.abs(coarse - motion).max(axis=0) / 8
         return np.array([motion.min(axis=0) - error, motion.max(axis=0) + error])
@@ -296,19 +288,17 @@ class OrbitSearch:
             excess = self.excess(at.values) if limited and at.size < _SURE else ""
             if excess and self._same(excess, at.values + values):
                 return at._replace(values=at.values + values), ""
-            best, part = None, 1.0
-            while best is None and part >= _SHORTEST:
+            self.iterations += 1
+            for part in _PARTS:
                 nodes, trial = at.states + part * states, at.values + part * values
                 upright = np.abs(nodes[:, self._pitch]).max(initial=0.0) < STEEPEST
                 if upright and self.family.swings(trial)[0] > 0:
-                    best = self.point(nodes, trial, conditions)
-                    if not best.size < (1.0 - 0.1 * part) * at.size:
-                        best = None
-                part /= 2
-            self.iterations += 1
-            if best is None:
+                    near = self.point(nodes, trial, conditions)
+                    if near.size < (1.0 - 0.1 * part) * at.size:
+                        at = near
+                        break
+            else:
                 break
-            at = best
         return at, "" if at.residual <= TOLERANCE else "stalled"
 
     def nearest(self, at: Point, begin: Point, conditions: Conditions) -> Point:
@@ -347,9 +337,8 @@ class OrbitSearch:
             low, high = self.family.neutral[k], at.values[k]
             for _ in range(30):
                 values[k] = 0.5 * (low + high)
-                low, high = (
-                    (low, values[k]) if self._same(excess, values, 0.0) else (values[k], high)
-                )
+                crosses = self._same(excess, values, 0.0)
+                low, high = (low, values[k]) if crosses else (values[k], high)
             held[k], self.still[k] = low, True
             at, trouble = self.newton(begin, conditions, held, limited=True)
             joint, limit = excess.partition(" ")[0], excess.rpartition(", and ")[2]
@@ -504,7 +493,7 @@ def trim(
     search = OrbitSearch(flight, family, _steps(family, steps), tolerable or {}, progress)
     if excess := search.excess(family.neutral):
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
-    states = _first_states(search, robot, start)
+    states = _first_states(search, start)
     if steps is None and robot.stiffness:
         needed = stable_steps(search, search.family.neutral, states)
         search.steps = max(search.steps, min(_BEARABLE, needed))
@@ -520,7 +509,8 @@ def trim(
         return _not_found(search, at, trouble)
     if tolerable:
         at = search.nearest(at, search.point(guess, family.neutral, conditions), conditions)
-    return _within_limits(search, at, orbit_of(search, at, added_mass))
+    orbit, trouble = orbit_of(search, at), search.strained(at)
+    return replace(_not_found(search, at, trouble), beyond=orbit) if trouble else orbit
 
 
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
@@ -588,13 +578,7 @@ def _steps(family: GaitFamily, given: int | None) -> int:
 
 
 def stable_steps(search: OrbitSearch, values: Array, states: Array) -> int:
-    """Time steps of a beat, half as long as is stable; 0 where its own are stable.
-
-    Args:
-        search: Of the orbit.
-        values: Of the gait's parameters, (k,) [SI].
-        states: Of the nodes, (m, n) [SI].
-    """
+    """Time steps half as long as is stable, 0 where its own are, of a beat by its unknowns."""
     rows = search.family.rows(values, len(states), search.map.aero.air)
     _, slopes = search.map.slopes(states[::8], rows.table[:-1:16])
     beat = rows.steps * rows.time_step
@@ -602,12 +586,13 @@ def stable_steps(search: OrbitSearch, values: Array, states: Array) -> int:
     return 0 if found is None else SEGMENTS * int(np.ceil(2 * beat / found.longest / SEGMENTS))
 
 
-def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Array:
+def _first_states(search: OrbitSearch, start: Orbit | None) -> Array:
     """States of the nodes to begin from: those of an orbit, or of the cruise, springs at rest."""
     if start is not None and start.names == search.map.names:
         return start.states
-    names, cruise, begin = search.map.names, robot.cruise, dict(robot.resting)
-    if cruise is not None:
+    names, robot = search.map.names, search.map.robot
+    begin = dict(robot.resting)
+    if (cruise := robot.cruise) is not None:
         begin |= {"pitch": cruise.pitch, "velocity of x": cruise.speed}
     states = np.tile([begin.get(name, 0.0) for name in names], (SEGMENTS, 1))
     time = np.arange(SEGMENTS) / SEGMENTS / search.family.base.frequency
@@ -620,11 +605,9 @@ def _settled(search: OrbitSearch, states: Array) -> Array:
     rows = search.family.rows(search.family.neutral, search.steps, search.map.aero.air)
     found = _repeating(search.map, states, rows)
     if found is None:  # from rest it went too far: a beat is flown first
-        own, flown, length = search.map.moving, states.copy(), 2 * rows.steps // len(states)
+        own, flown = search.map.moving, states.copy()
         for k in range(len(flown)):
-            part = slice(length * k, length * (k + 1) + 1)
-            taken = replace(rows, table=rows.table[part], slopes=rows.slopes[part])
-            end = search.map.fly(flown[k : k + 1], taken).ends[0]
+            end = search.map.fly(flown[k : k + 1], rows.part(k, len(flown))).ends[0]
             flown[(k + 1) % len(flown), own:] = end[own:]
         found = _repeating(search.map, flown, rows)
     return states if found is None else found
@@ -685,23 +668,18 @@ def _searched(
     return at, trouble
 
 
-def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Orbit:
+def orbit_of(search: OrbitSearch, at: Point) -> Orbit:
     """Orbit of a point whose misfits are rounding."""
     x, y, z, *yaw = search.frame.neutral
     end, period = at.flown.ends[-1], at.period
     turned = float(end[yaw].sum())
     forward = _along_arc(turned) @ end[[x, y]]
+    flight = search.map
     return Orbit(
-        search.map.robot, search.map.aero, added_mass, search.family, at.values, at.states,
-        at.flown, search.map.names, search.steps, float(forward / period), float(end[z] / period),
+        flight.robot, flight.aero, flight.added_mass, search.family, at.values, at.states,
+        at.flown, flight.names, search.steps, float(forward / period), float(end[z] / period),
         turned / period, at.residual, search.iterations,
     )  # fmt: skip
-
-
-def _within_limits(search: OrbitSearch, at: Point, orbit: Orbit) -> Orbit | NoOrbit:
-    """Orbit of a point, or none where a passive joint leaves its limits on it."""
-    trouble = search.strained(at)
-    return replace(_not_found(search, at, trouble), beyond=orbit) if trouble else orbit
 
 
 NEARBY = (
@@ -757,10 +735,8 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)
 
 
-_CREDIBLE = 100.0
-"""Force over weight beyond which derivatives overflowed."""
-_LEVER = {"f": 0.1, "m": 1.0}
-"""Length by which a force and a moment are compared [m]."""
+_CREDIBLE = 100.0  # force over weight beyond which derivatives overflowed
+_LEVER = {"f": 0.1, "m": 1.0}  # m, length by which a force and a moment are compared
 
 
 def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float]:
@@ -769,13 +745,11 @@ def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float
     misfit = left * at.scales[1]
     axes = [name for name in FLOATING_COORDINATES if name in names]
     change = dict.fromkeys(axes, 0.0)
-    for k, name in enumerate(search.frame.names):
+    others = [name for name in ("yaw", "z", "x") if name in axes]
+    for name, value in zip([*search.frame.names, *others], misfit, strict=False):
         place = name.removeprefix("velocity of ")
         if place in axes:
-            change[place] += misfit[k] * (1.0 if name != place else 1.0 / at.period)
-    others = [name for name in ("yaw", "z", "x") if name in axes]
-    for place, value in zip(others, misfit[len(search.frame.kept) :], strict=False):
-        change[place] += value / at.period
+            change[place] += value / at.period if name == place else value
     q, places = robot.coordinates(), [robot.index(name) for name in axes]
     q[places] = at.states[0][[names.index(name) for name in axes]]
     mass = np.array(ca.DM(mass_matrix(robot, ca.SX(q))))[np.ix_(places, places)]

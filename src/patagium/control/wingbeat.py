@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -57,6 +57,12 @@ class PrescribedRows:
     def steps(self) -> int:
         """Number of steps of the stretch."""
         return len(self.table) // 2
+
+    def part(self, place: int, count: int) -> PrescribedRows:
+        """Part of the stretch by its place, of so many that are equally long."""
+        length = 2 * self.steps // count
+        own = slice(length * place, length * (place + 1) + 1)
+        return replace(self, table=self.table[own], slopes=self.slopes[own])
 
 
 @dataclass(frozen=True)
