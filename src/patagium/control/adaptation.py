@@ -6,9 +6,7 @@ least squares that forget, the orbit is trimmed anew with them, and neutral valu
 reference and gains follow the orbit: what integral action would do, for any cause that shows in
 the motion (a wing that was cut, another polar, a weight that was never weighed, wind). A wing cut
 in flight takes its mass along, which no weight of the air explains: what repeats within the beat
-jumps. Such beats teach nothing, and the cut is sought that explains them, by its wing, share and
-time in the beat. Gusts that last for many beats are no change of the robot's air: beats count the
-less the more they vary, and are remembered the longer the more they are alike (`Disturbance`).
+jumps, and the cut is sought that explains it. Gusts are told from what stays (`Disturbance`).
 Neglected: what neither explains, which is noise to the weights; errors of the measured state.
 """
 
@@ -29,7 +27,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array, real_array
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
-from patagium.control.predictive import OrbitController, OuterController, begins
+from patagium.control.predictive import OrbitController, OuterController
 from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
@@ -188,9 +186,7 @@ class Disturbance:
     def stays(self) -> bool:
         """Whether the constant part is more than the mean of what varies."""
         beats = max(1, len(self._missed))
-        error = np.maximum(self.variance / beats, 1e-300)
-        large = self._mean**2 > 0
-        squares = self._mean[large] ** 2 / error[large]
+        squares = self._mean**2 / np.maximum(self.variance / beats, 1e-300)
         size = len(self._mean)
         told = beats / float(np.mean(self.alike))
         return bool(squares.sum() > size * fdtri(size, told, 1 - UNLIKELY))
@@ -239,10 +235,9 @@ class Departures:
         mean[0] += (square - mean[0]) / min(mean[1], memory)
         known = min(self._with[1], self._without[1]) >= TRIAL
         worse = self._with[0] > HARM * self._without[0] and square >= self._with[0]
-        if not (known and worse):
-            return False
-        self.pause, self._next = self._next, 2 * self._next
-        return True
+        if known and worse:
+            self.pause, self._next = self._next, 2 * self._next
+        return known and worse
 
 
 class _Beat(NamedTuple):
@@ -304,7 +299,7 @@ class AdaptiveController(OuterController):
         self._stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]
         self._least = np.r_[np.zeros(len(strips)), -wrench]
         self._most = np.r_[np.full(len(strips), 2.0), wrench]
-        self.learning, self._time = True, -np.inf
+        self.learning = True
         self._begin()
 
     def __repr__(self) -> str:
@@ -329,9 +324,8 @@ class AdaptiveController(OuterController):
 
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now; see `OrbitController`."""
-        if begins(time, self._time):
+        if self.controller.begins(time):
             self.restart()
-        self._time = time
         first, parts = self.model.number(time), self.model.parts
         if state is not None and abs(time - state.time) <= 0.5 * self.period:
             self._samples[first] = self.controller.measured(state, first)
@@ -366,18 +360,16 @@ class AdaptiveController(OuterController):
         self.learner.forget(FORGOTTEN)
 
     def use(self, weights: Array, first: int) -> bool:
-        """Follow the orbit of other weights from an interval on, and say whether there is one.
+        """Follow the orbit of other weights, (n_w,) [1, N, N m], from an interval by its number on.
 
-        Args:
-            weights: Weights of `LearnedAir`, (n_w,) [1, N, N m].
-            first: Number of the interval.
+        It says whether there is one.
         """
         design = self._design
         found = trim(
             self._air.robot,
             LearnedAir(self._air, weights),
             design.gait,
-            free=self.controller.model.commands,
+            free=self.model.commands,
             speed=design.speed,
             climb=design.climb,
             turn_rate=design.turn_rate,
@@ -421,7 +413,7 @@ class AdaptiveController(OuterController):
                 self.use(self._wanted(), first)
                 return
             self.counts["beyond the model"] += 1
-            if again and not np.array_equal(self.weights, self.learner.prior):
+            if again and followed:
                 self.use(self.learner.prior, first)
             return
         self._surprised = False
@@ -480,7 +472,7 @@ class AdaptiveController(OuterController):
 
     def _departed(self, first: int) -> float:
         """Square of the mean departure from the orbit in the beat before an interval [1]."""
-        model, samples = self.controller.model, self._samples
+        model, samples = self.model, self._samples
         beat = range(first - model.parts, first)
         apart = [model.course.apart(k, samples[k]) for k in beat if k in samples]
         kept = np.mean(apart, axis=0)[model.kept]
@@ -513,10 +505,10 @@ class AdaptiveController(OuterController):
         places = range(first - model.parts, first)
         begin = np.array([samples.get(k, course.along(k)) for k in places])
         end = np.array([samples.get(k + 1, course.along(k + 1)) for k in places])
-        steps = model.parts * -(-self.orbit.steps // model.parts)
         learned = LearnedAir(air, self.weights)
         flight = FlightMap(air.robot, learned, self._added_mass(air), learned.weight_names)
-        flown = flight.fly(begin, self._rows(model.time(places[0]), steps))
+        steps = -(-self.orbit.steps // model.parts)
+        flown = flight.fly(begin, self._steered(model.time(places[0]), steps))
         moving = [k for k, name in enumerate(model.names) if name.startswith("velocity of ")]
         missed = course.seen(places[0], end - flown.ends)[:, moving]
         slopes = course.seen(places[0], flown.by_parameter.transpose(0, 2, 1))
@@ -527,14 +519,12 @@ class AdaptiveController(OuterController):
             return None
         return _Beat(slopes[known], missed[known] + slopes[known] @ self.weights)
 
-    def _rows(self, time: float, steps: int) -> PrescribedRows:
-        """Prescribed rows of a beat that begins at a time [s], as the gait was steered."""
-        model = self.controller.model
-        step = model.parts * self.period / steps
-        times = time + 0.5 * step * np.arange(2 * steps + 1)
-        motion = model.steered.motion(times)
+    def _steered(self, time: float, steps: int) -> PrescribedRows:
+        """Rows of a beat from a time [s] on, so many steps an interval, as the gait was steered."""
+        step = self.period / steps
+        times = time + 0.5 * step * np.arange(2 * steps * self.model.parts + 1)
         wind = self._design.aero.air.uniform_wind_at(times)
-        table = np.column_stack([*motion, wind])
+        table = np.column_stack([*self.model.steered.motion(times), wind])
         none = np.zeros((len(table), 0, table.shape[1] - 3))
         return PrescribedRows(table, none, step, np.zeros(0))
 

@@ -27,9 +27,8 @@ class LinearRegulator(OrbitController):
         orbit: The orbit, and the model of robot and air that it was found with.
         commands: Names of the commands, with a range each in the robot's `actuators`.
         parts: Intervals of a beat; one command each.
-        tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
-            as a command over half its range [SI]; by default .1 m, .1 rad, .3 m/s and
-            2 rad/s, which are for robots of about a meter: other sizes need their own.
+        tolerable: Departures by name of a state that cost as much as a command over half its range
+            [SI], as of `PredictiveController`.
         averaged: Whether one gain from the mean of the intervals serves the whole beat.
         change_cost: Cost of a change as fast as an actuator allows, over that of a command over
             half its range; 0 where changes are free, which damps small departures most [1].

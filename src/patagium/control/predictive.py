@@ -258,8 +258,7 @@ class OrbitModel:
                 raise ParameterError("commands", expected, f"{name!r}, whose joints do not")
         self.period = positive("period of the gait", self.steered.gait.period or 0.0) / parts
         self.chains = [4 if name == "frequency" else 3 for name in commands]
-        steps = -(-orbit.steps // parts)
-        rows = self._rows(flight, parts * steps, parameters)
+        rows = self._rows(flight, parts * -(-orbit.steps // parts), parameters)
         self.pace, self.begun = 1.0, (0, 0.0)
         if "frequency" in parameters:
             self.pace = float(self.neutral[self.commands.index("frequency")])
@@ -267,7 +266,7 @@ class OrbitModel:
         n, end = flight.size, flight.size + sum(self.chains)
         states, slopes = [orbit.states[0]], []
         for part in range(parts):
-            after, found = self._fly(flight, states[-1], rows, part, steps)
+            after, found = self._fly(flight, states[-1], rows.part(part, parts))
             states.append(after)
             slopes.append(found)
         self.course = Course(self.names, np.array(states))
@@ -306,13 +305,10 @@ class OrbitModel:
             slopes.append(slope)
         return PrescribedRows(found.table, np.stack(slopes, 1), found.time_step, np.zeros(0))
 
-    def _fly(
-        self, flight: FlightMap, begin: Array, rows: PrescribedRows, part: int, steps: int
-    ) -> tuple[Array, Array]:
+    def _fly(self, flight: FlightMap, begin: Array, rows: PrescribedRows) -> tuple[Array, Array]:
         """End of an interval of the beat, and derivatives of state and lags by both and inputs."""
-        inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
-        given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
-        times: Array = 0.5 * rows.time_step * np.arange(2.0 * steps + 1)
+        given = rows.slopes.reshape(len(rows.table), len(self.commands), 3, -1)
+        times: Array = 0.5 * rows.time_step * np.arange(float(len(rows.table)))
         n, firsts = flight.size, np.cumsum([flight.size, *self.chains])
         end, count = firsts[-1], len(self.commands)
         matrix, slopes, forced = np.zeros((end, end + count)), [], []
@@ -333,7 +329,7 @@ class OrbitModel:
             own = slice(first, first + size)
             matrix[own, own], matrix[own, end + i] = free[-1], answer[-1]
         whole, none = np.concatenate([*slopes, *forced], axis=1), np.zeros(end - n + count)
-        task = PrescribedRows(rows.table[inside], whole, rows.time_step, none)
+        task = PrescribedRows(rows.table, whole, rows.time_step, none)
         found = flight.fly(begin[None], task)
         matrix[:n] = np.hstack([found.by_state[0], found.by_parameter[0]])
         return found.ends[0], matrix
@@ -370,13 +366,7 @@ class OrbitModel:
         return own.shape == other.shape and bool(np.abs(own - other).max() <= NEAR)
 
     def predict(self, first: int, states: Array, inputs: Array) -> Intervals:
-        """Intervals of the linear model, whatever the prediction.
-
-        Args:
-            first: Number of the first interval.
-            states: Departures at the beginning of each, (N, n_x) [SI].
-            inputs: Departures of the commands, (N, n_u) [unit of a response].
-        """
+        """Intervals of the linear model, of departures as states and inputs; see `Predict`."""
         places = (first + np.arange(len(states))) % self.parts
         by_state, by_input = self.by_state[places], self.by_input[places]
         ends = np.einsum("kij,kj->ki", by_state, states)
@@ -471,11 +461,6 @@ SOFT = 100.0
 """Weight of a soft limit over that of the state's departure."""
 
 
-def begins(time: float, last: float) -> bool:
-    """Whether a time [s] begins another flight than the one of the time before it."""
-    return time < last or time == last == 0
-
-
 class OrbitController:
     """Controller that flies along a periodic orbit, but for its law.
 
@@ -549,6 +534,10 @@ class OrbitController:
         model.course.lead = 0.0
         self.before, self.called = np.zeros(len(self.ends)), -np.inf
         self.held, self.limited, self._answers = Counter(), Counter(), 0
+
+    def begins(self, time: float) -> bool:
+        """Whether a call at a time [s] begins another flight than that of the last call."""
+        return time < self.called or time == self.called == 0
 
     def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
         """Refuse a flight of another robot or gait than the controller's orbit has, or a held one.
@@ -648,7 +637,7 @@ class OrbitController:
             ParameterError: If it cannot start anew (`restart`).
         """
         last, due = self.called, self._due
-        if begins(time, last):
+        if self.begins(time):
             self.restart()
         elif last >= 0 and abs(time - due) > UNEVEN * self.period:
             said = f"{type(self).__name__}: called after {time - last:.4g} s, not its period of"

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 
-import numpy as np
-
 from patagium.arguments import checked
 from patagium.control.orbit import Orbit
-from patagium.control.predictive import OrbitController, OuterController, begins
+from patagium.control.predictive import OrbitController, OuterController
 from patagium.errors import ParameterError, check_names
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
@@ -73,7 +71,7 @@ class Route(OuterController):
         """Start anew on the first orbit."""
         self.controller = copy(self._first)
         self.controller.restart()
-        self._left, self._time = sorted(self._legs), -np.inf
+        self._left = sorted(self._legs)
 
     def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
         """Start anew, whose period a flight then takes, and refuse as `OrbitController` does."""
@@ -87,9 +85,8 @@ class Route(OuterController):
 
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now; see `OrbitController`."""
-        if begins(time, self._time):
+        if self.controller.begins(time):
             self.restart()
-        self._time = time
         while self._left and self._left[0] <= time + 1e-6 * self.period:
             self.controller.follow(*self._legs[self._left.pop(0)], self.model.number(time))
         return self.controller(time, state)
