@@ -200,12 +200,9 @@ def driving_noise(orbit: Orbit) -> Array:
     return np.asarray(np.maximum(density, _LEAST))
 
 
-_LEAST = 1.0
-"""Lower bound of the driving noise, enough to follow motion of 2 Hz [unit^2/s^7]."""
-_MEMORY = 0.05
-"""Longest delay of a sample that is still used [s]."""
-_BESIDE = 8
-"""Time steps before a sample through which its truth is interpolated."""
+_LEAST = 1.0  # unit^2/s^7, of the driving noise, enough to follow motion of 2 Hz
+_MEMORY = 0.05  # s, longest delay of a sample that is still used
+_BESIDE = 8  # time steps before a sample through which its truth is interpolated
 
 
 class _Tracking:

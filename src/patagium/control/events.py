@@ -304,8 +304,7 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
     Raises:
         ParameterError: If there is no such wing, or the share is not within its range.
     """
-    wings = robot.wing_names
-    check_names("wing", [wing], wings, near=True)
+    check_names("wing", [wing], robot.wing_names, near=True)
     if not 0 < finite("share", share) <= 1:
         raise ParameterError("share", "above 0, up to 1", share)
     strips = [strip for strip in robot.strips if strip.wing == wing]

@@ -146,8 +146,7 @@ def floquet(orbit: Orbit) -> Floquet:
     beat = zip(orbit.states, *slopes(orbit.states), strict=True)
     mean = np.mean([frame.seen_rate(*one) for one in beat], axis=0)
     averaged, first = np.linalg.eigvals(mean).astype(complex), _first_order_rates(orbit, slopes)
-    order = np.argsort(-np.abs(values), kind="stable")
-    kept = [k for k in order if values[k].imag >= 0]
+    kept = [k for k in np.argsort(-np.abs(values), kind="stable") if values[k].imag >= 0]
     rates = np.emath.log(np.where(values == 0, 1e-300, values)[kept]) / period  # of 0: rounding
     averaged, first = (np.where(np.abs(x) * period < STILL, 0.0, x) for x in (averaged, first))
     near, nearer = _matched(rates, averaged), _matched(rates, first)
@@ -191,11 +190,8 @@ def _first_order_rates(
     """Rates of averaging of first order about its own equilibrium, (n - 4,) [1/s].
 
     The mean rate of a held state vanishes at the equilibrium, which Levenberg and Marquardt's
-    method finds from the mean state of the orbit.
-
-    Args:
-        orbit: The orbit.
-        slopes: Function of states as the segments begin, that gives their rates and Jacobians.
+    method finds from the mean state of the orbit. Of states as the segments begin, `slopes` gives
+    rates and Jacobians.
     """
     from scipy.optimize import root  # slow to import, rarely needed
 
@@ -257,18 +253,12 @@ def _carried(orbit: Orbit, frame: Frame) -> Array:
 
 
 def _shares(names: tuple[str, ...], motion: NDArray[np.complex128]) -> dict[str, float]:
-    """Share of each state in a mode by name, the largest first.
-
-    Args:
-        names: Names of the states.
-        motion: Mode over the beat, in sizes of the states, (m, n) [1].
-    """
+    """Share of each state by name, the largest first, in a motion in their sizes, (m, n) [1]."""
     parts = np.abs(motion)
     sums = parts.sum(axis=1, keepdims=True)
     left = sums[:, 0] > GONE * sums.max()  # of what faded within the beat only rounding is left
     parts = (parts[left] / sums[left]).mean(axis=0)
-    order = np.argsort(-parts, kind="stable")
-    return {names[k]: float(parts[k]) for k in order}
+    return {names[k]: float(parts[k]) for k in np.argsort(-parts, kind="stable")}
 
 
 def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[str]:

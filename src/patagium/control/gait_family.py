@@ -244,12 +244,7 @@ def symmetric_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
     return tuple(found)
 
 
-_SERIES = re.compile(
-    r"(?P<joint>.+)"
-    r"_(?P<part>cosine|sine)"
-    r"_(?P<harmonic>[1-9]\d?)"
-    r"(_difference)?$"
-)
+_SERIES = re.compile(r"(?P<joint>.+)_(?P<part>cosine|sine)_(?P<harmonic>[1-9]\d?)(_difference)?$")
 """Name of a parameter that adds to a coefficient of the Fourier series."""
 
 
@@ -271,8 +266,7 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
     differs = name.endswith(DIFFERENCE)
     for one in answering:
         if block is not None and one in moved:
-            side = robot.side(one)
-            way[1 + block * n + joints.index(one)] = side / 2 if differs else 1.0
+            way[1 + block * n + joints.index(one)] = robot.side(one) / 2 if differs else 1.0
     if not way.any() or (differs and np.count_nonzero(way) != 2):
         groups = robot.joint_groups | {one: (one,) for one in joints}
         moving = [one for one, own in groups.items() if own[0] in base.moving]

@@ -275,8 +275,7 @@ class _Loop:
             estimate=(dims, estimates, units | {"long_name": "state that the controller knew"}),
             reference=(dims, wanted, units | {"long_name": "state on the orbit"}),
         )
-        told = [one.describe() for one in self.events]
-        flight.attrs["events"] = json.dumps(json_ready(told))
+        flight.attrs["events"] = json.dumps(json_ready([one.describe() for one in self.events]))
         if hasattr(self.controller, "report"):
             flight.attrs["controller"] = self.controller.report()
         if hasattr(self.controller, "held"):

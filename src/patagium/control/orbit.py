@@ -30,8 +30,7 @@ NEUTRAL = ("x", "y", "z", "yaw")
 STILL = 1e-6
 """Distance from 1 that rounding makes of a double multiplier 1, and more."""
 
-_ALONG = "velocity of x"
-"""In the name of a state: of a horizontal vector in the world, whose y follows in its place."""
+_ALONG = "velocity of x"  # in the name of a state: of a horizontal vector in the world
 
 
 class Frame:
@@ -60,8 +59,7 @@ class Frame:
 
     def seen(self, state: Array) -> tuple[Array, Array]:
         """State with velocities along and across the heading, (n,), and its derivative, (n, n)."""
-        cosine = np.cos(state[self._yaw])
-        sine = np.sin(state[self._yaw])
+        cosine, sine = np.cos(state[self._yaw]), np.sin(state[self._yaw])
         turn = np.array([[cosine, sine], [-sine, cosine]])
         found, slope = state.copy(), np.eye(self.size)
         for places in self.vectors:
