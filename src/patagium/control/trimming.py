@@ -488,8 +488,7 @@ def trim(
     gait = gait or (start.gait if start else gaits.cruise(robot))
     gaits.check_gait(robot, gait)
     conditions = Conditions(turn_rate, climb, speed)
-    family = _family(robot, gait, free, conditions)
-    flight = FlightMap(robot, aero, added_mass)
+    family, flight = _family(robot, gait, free, conditions), FlightMap(robot, aero, added_mass)
     search = OrbitSearch(flight, family, _steps(family, steps), tolerable or {}, progress)
     if excess := search.excess(family.neutral):
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
