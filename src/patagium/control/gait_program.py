@@ -152,17 +152,18 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
         own, mean = np.array([robot.lower[i], robot.upper[i]]), family.base.mean[k]
         ends = np.where(np.isfinite(own), own, (mean - FARTHEST, mean + FARTHEST))
         limits = {joint: (k, *ends, *ranges.get(k, (0.0, np.inf)))}
-        for order, (rate, most) in enumerate(rates.items(), 1):
-            if most and np.isfinite(most[i]):
-                limits[f"{rate} of {joint}"] = k + order * n, -most[i], most[i], 0.0, np.inf
+        for order, (rate, end) in enumerate(rates.items(), 1):
+            if end and np.isfinite(end[i]):
+                limits[f"{rate} of {joint}"] = k + order * n, -end[i], end[i], 0.0, np.inf
         for name, limit in limits.items():
             column, *others = limit
             if moved[column]:
                 motion, way = rows.table[:, column], rows.slopes[:, :, column]
                 found.setdefault((motion.tobytes(), way.tobytes(), *others), (limit, name))
     bounds = np.array([limit for limit, _ in found.values()], float).reshape(-1, 5)
+    columns, low, high, least, most = bounds.T
     names = tuple(name for _, name in found.values())
-    return _Swings(bounds[:, 0].astype(np.int64), *bounds.T[1:], names)
+    return _Swings(columns.astype(np.int64), low, high, least, most, names)
 
 
 def _linear_ranges(family: GaitFamily) -> _Ranges:
@@ -524,7 +525,7 @@ class GaitProgram:
     def _strains(self, found: Optimum) -> Array:
         """Excess of passive joints between nodes beyond their limits, low and high, (2, l) [SI]."""
         ends = self._passive.ends(found.nodes, 1.0 / self.family.gait(found.values).frequency)
-        return np.array([[-1.0], [1.0]]) * (ends - self._passive.limits)
+        return np.asarray(np.array([[-1.0], [1.0]]) * (ends - self._passive.limits))
 
     def _beyond_limits(self, values: Array) -> Array:
         """Excess of motions between samples beyond their limits, above and below, (2, l) [SI]."""

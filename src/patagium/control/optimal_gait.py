@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -195,8 +195,8 @@ def optimize(
             tolerable=tolerable,
         )  # fmt: skip
         start = trimmed.beyond if isinstance(trimmed, NoOrbit) else trimmed
-        if start is None:  # one beyond limits is kept: they hold in the program
-            return trimmed
+        if start is None:  # one beyond limits serves: they hold in the program
+            return cast(NoOrbit, trimmed)
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
     elif (steps or start.steps, tolerable) != (start.steps, None):
