@@ -26,6 +26,7 @@ from patagium.robot.model import (
     COMMANDS,
     FLOATING_COORDINATES,
     Actuator,
+    Axis,
     Body,
     Cruise,
     Joint,
@@ -86,7 +87,6 @@ class _Draft:
     name: str
     parent: str | None
     part: BodyPart
-    joints: tuple[tuple[str, str, tuple[float, float, float]], ...]
     orientation: Any
     reflected: bool
     path: str
@@ -106,9 +106,9 @@ def assemble(file: RobotFile, source: str) -> Robot:
     parts = flexed(file.bodies)
     drafts = _in_tree_order(_mirrored(file, [_draft(n, b, parts) for n, b in parts.items()]))
     _check_masses(drafts)
-    coordinates = _coordinates(drafts)
-    order = _ordered(file, tuple(coordinates))
-    ordered = [coordinates[name] for name in order]
+    joints = _joints(drafts)
+    order = _ordered(file, tuple(joints))
+    ordered = [joints[name] for name in order]
     dof = {name: i for i, name in enumerate(order)}
     bodies: list[Body] = []
     for draft in drafts:
@@ -119,14 +119,12 @@ def assemble(file: RobotFile, source: str) -> Robot:
         strips=(),
         dof_names=order,
         dof_units=tuple(k.unit for k in ordered),
-        actuated=tuple(i for i, k in enumerate(ordered) if k.part and not k.part.passive),
+        actuated=tuple(i for i, k in enumerate(ordered) if not k.passive),
         damping=tuple(k.damping for k in ordered),
-        stiffness=_spring(ordered, "stiffness"),
-        rest=_spring(ordered, "rest"),
-        lower=tuple(k.limits[0] for k in ordered),
-        upper=tuple(k.limits[1] for k in ordered),
+        lower=tuple(k.limits[0] if k.limits else -np.inf for k in ordered),
+        upper=tuple(k.limits[1] if k.limits else np.inf for k in ordered),
         gravity=file.gravity,
-        **_capacities(ordered),
+        **_springs_and_capacities(ordered),
     )
     robot = replace(robot, strips=_strips(file, robot))
     _check_inertia(robot, [draft.path for draft in drafts])
@@ -248,9 +246,8 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
         near = similar(name, ["frequency", *every])
         expected = f"frequency, {kinds} of an actuated joint ({', '.join(known)})"
         raise AssemblyError((path, expected, name + near))
-    unit = "rad" if kind == "phase" else robot.dof_units[robot.index(joints[0])]
-    unit = "Hz" if kind == "frequency" else unit
-
+    units = {"frequency": "Hz", "phase": "rad"}
+    unit = units.get(kind, robot.dof_units[robot.index(joints[0])])
     low, high, rate = -np.inf, np.inf, np.inf
     if part.range is not None:
         places = ((f"{path}.range.{k}", one) for k, one in enumerate(part.range))
@@ -292,15 +289,13 @@ def _check_actuators(robot: Robot, actuators: Mapping[str, Actuator]) -> None:
 
 
 def _draft(name: str, part: BodyPart, bodies: Mapping[str, BodyPart]) -> _Draft:
-    joints = tuple((k.name, k.type, k.axis) for k in part.joints)
-    orientation = rotation_from_angles(part.orientation)
     path, parent = f"bodies.{name}", part.parent
     floating = [k for k, body in bodies.items() if body.floating]
     if parent is None and floating and not part.floating:
         expected = f"`parent: {floating[0]}`, or `parent: world` for what hangs on the world"
         raise AssemblyError((f"{path}.parent", expected, "nothing"))
     parent = None if parent == "world" and parent not in bodies else parent
-    return _Draft(name, parent, part, joints, orientation, False, path)
+    return _Draft(name, parent, part, rotation_from_angles(part.orientation), False, path)
 
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
@@ -327,18 +322,17 @@ def _image(draft: _Draft, mirror: Mirror) -> _Draft:
     """Mirror image of a draft in the plane of symmetry."""
     if draft.part.floating:
         raise AssemblyError((draft.path, "a body that does not float, to be mirrored", "floating"))
-    for name, _, _ in draft.joints:
-        if not name.startswith(mirror.source):
+    joints = []
+    for joint in draft.part.joints:
+        if not joint.name.startswith(mirror.source):
             expected = f"names that begin with {mirror.source!r}, to be mirrored"
-            raise AssemblyError((f"{draft.path}.joints", expected, name))
+            raise AssemblyError((f"{draft.path}.joints", expected, joint.name))
+        axis = reflected_axis(joint.type, joint.axis)
+        joints.append(joint.model_copy(update={"name": mirror.image(joint.name), "axis": axis}))
     return _Draft(
         name=mirror.image(draft.name),
         parent=mirror.image(draft.parent) if draft.parent else None,
-        part=draft.part,
-        joints=tuple(
-            (mirror.image(name), kind, reflected_axis(kind, axis))
-            for name, kind, axis in draft.joints
-        ),
+        part=draft.part.model_copy(update={"joints": tuple(joints)}),
         orientation=_REFLECTION @ draft.orientation @ _REFLECTION,
         reflected=True,
         path=draft.path,
@@ -376,7 +370,7 @@ def _check_masses(drafts: list[_Draft]) -> None:
             heavy.add(draft.name)
             if draft.parent is not None:
                 heavy.add(draft.parent)
-        elif draft.joints or draft.part.floating:
+        elif draft.part.joints or draft.part.floating:
             expected = "a body with mass, or one that carries such"
             raise AssemblyError((draft.path, expected, "massless"))
 
@@ -409,58 +403,40 @@ _ROUNDING = 1e-13
 """Rounding of a moment of inertia, relative to those about other axes."""
 
 
-@dataclass(frozen=True)
-class _Coordinate:
-    """A coordinate before it has a place: its joint, or None where a body floats."""
-
-    unit: str
-    damping: float
-    limits: tuple[float, float]
-    part: JointPart | None
-
-
-def _capacities(ordered: list[_Coordinate]) -> dict[str, Any]:
-    """Limits of the actuators by the name of the robot's field; empty where nobody has one."""
+def _springs_and_capacities(ordered: list[JointPart]) -> dict[str, Any]:
+    """Springs and limits of actuators by the robot's field; empty where no joint has one."""
     found: dict[str, tuple[float, ...]] = {}
-    for key in CAPACITIES:
-        written = [getattr(k.part, key, None) for k in ordered]
-        known = any(limit is not None for limit in written)
-        found[key] = tuple(np.inf if k is None else k for k in written) if known else ()
+    for key in ("stiffness", "rest", *CAPACITIES):
+        none = np.inf if key in CAPACITIES else 0.0
+        known = any(getattr(k, "stiffness" if key == "rest" else key) for k in ordered)
+        found[key] = tuple(getattr(k, key) or none for k in ordered) if known else ()
     return found
 
 
-def _spring(ordered: list[_Coordinate], key: str) -> tuple[float, ...]:
-    """Numbers of the joints' springs; empty where no joint has one."""
-    if not any(k.part and k.part.stiffness for k in ordered):
-        return ()
-    return tuple(getattr(k.part, key, 0.0) for k in ordered)
-
-
-def _coordinates(drafts: list[_Draft]) -> dict[str, _Coordinate]:
-    """Coordinates of all bodies by name."""
-    found: dict[str, _Coordinate] = {}
+def _joints(drafts: list[_Draft]) -> dict[str, JointPart]:
+    """Joints of all bodies by name, those of a floating body too."""
+    found: dict[str, JointPart] = {}
     for draft in drafts:
-        for i, (name, coordinate) in enumerate(_coordinates_of(draft)):
-            if name in found:
-                place = f"{draft.path}.joints.{i}.name" if draft.joints else draft.path
-                raise AssemblyError((place, "coordinates named once", f"{name} again"))
-            found[name] = coordinate
+        for i, joint in enumerate([*_floating_joints(draft.part), *draft.part.joints]):
+            if joint.name in found:
+                place = f"{draft.path}.joints.{i}.name" if draft.part.joints else draft.path
+                raise AssemblyError((place, "coordinates named once", f"{joint.name} again"))
+            found[joint.name] = joint
     if not found:
         raise AssemblyError(("bodies", "a floating body or at least one joint", "none"))
     return found
 
 
-def _coordinates_of(draft: _Draft) -> Iterator[tuple[str, _Coordinate]]:
-    free = (-np.inf, np.inf)
-    if draft.part.floating:
-        resistance = dict(draft.part.damping or ())
-        for name in FLOATING_COORDINATES:
-            unit = "m" if name in "xyz" else "rad"
-            yield name, _Coordinate(unit, resistance.get(name, 0.0), free, None)
-        return
-    for (name, kind, _), part in zip(draft.joints, draft.part.joints, strict=True):
-        unit = "m" if kind == "prismatic" else "rad"
-        yield name, _Coordinate(unit, part.damping, part.limits or free, part)
+def _floating_joints(body: BodyPart) -> Iterator[JointPart]:
+    """Coordinates of a body that floats, as passive joints of its own."""
+    for k, name in enumerate(FLOATING_COORDINATES if body.floating else ()):
+        yield JointPart.model_construct(
+            name=name,
+            type="prismatic" if k < 3 else "revolute",
+            axis=axis_of(np.eye(3)[k % 3]),
+            damping=getattr(body.damping, name, 0.0),
+            passive=True,
+        )
 
 
 def _ordered(file: RobotFile, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -480,10 +456,10 @@ def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
     """Body of a draft, mirrored where it is an image."""
     parent = -1 if draft.parent is None else [one.name for one in before].index(draft.parent)
     joints = []
-    for k, (joint, part) in enumerate(zip(draft.joints, draft.part.joints, strict=True)):
-        coupling = part.coupling if isinstance(part, Hinge) else 0.0
+    for k, one in enumerate(draft.part.joints):
+        coupling = one.coupling if isinstance(one, Hinge) else 0.0
         inner = before[parent].joints[k].name if coupling else ""
-        joints.append(Joint(*joint, dof[joint[0]], coupling, inner))  # type: ignore[arg-type]
+        joints.append(Joint(one.name, one.type, one.axis, dof[one.name], coupling, inner))
     piece = any(isinstance(part, Hinge) for part in draft.part.joints)
     mirror = _REFLECTION if draft.reflected else np.eye(3)
     return Body(
@@ -575,28 +551,17 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:
     """Strips of a wing, as the file writes them."""
-    cuts = ((segment.body, *cut) for segment in wing.segments for cut in _cut(segment))
-    for index, (body, point, forward, normal, chord, width) in enumerate(cuts):
-        yield Strip(
-            name=f"{wing.name}[{index}]",
-            wing=wing.name,
-            body=body_index[body],
-            mirrored=False,
-            quarter_chord=_triple(point),
-            forward=_triple(forward),
-            normal=_triple(normal),
-            chord=_clean(chord),
-            width=_clean(width),
-        )
+    cuts = ((body_index[one.body], cut) for one in wing.segments for cut in _cut(one))
+    for index, (body, cut) in enumerate(cuts):
+        yield Strip(f"{wing.name}[{index}]", wing.name, body, False, *cut)
 
 
-def _cut(segment: Segment) -> Iterator[tuple[Array, Array, Array, float, float]]:
-    span = np.array([k.span for k in segment.stations])
-    leading = np.array([k.leading for k in segment.stations])
-    chord = leading - np.array([k.trailing for k in segment.stations])
-    incidence = np.array([k.incidence for k in segment.stations])
+def _cut(segment: Segment) -> Iterator[tuple[Axis, Axis, Axis, float, float]]:
+    """Quarter chord, forward, normal, chord and width of each strip of a segment."""
+    rows = [(k.span, k.leading, k.trailing, k.incidence) for k in segment.stations]
+    span, leading, trailing, incidence = np.array(rows).T
     edges = np.linspace(span[0], span[-1], segment.strips + 1)
-    chords = means_between(chord, span, edges)
+    chords = means_between(leading - trailing, span, edges)
     along = np.array(segment.span_axis)
     ahead = np.array([1.0, 0.0, 0.0])  # to the leading edge
     upward = np.cross(ahead, along)
@@ -605,13 +570,13 @@ def _cut(segment: Segment) -> Iterator[tuple[Array, Array, Array, float, float]]
         middle = (begin + end) / 2
         x = np.interp(middle, span, leading) - mean_chord / 4
         twist = float(np.interp(middle, span, incidence))
-        forward = np.cos(twist) * ahead + np.sin(twist) * upward
-        normal = np.cos(twist) * upward - np.sin(twist) * ahead
+        forward = _triple(np.cos(twist) * ahead + np.sin(twist) * upward)
+        normal = _triple(np.cos(twist) * upward - np.sin(twist) * ahead)
         point = np.array(segment.at) + middle * along + x * ahead
-        yield point, forward, normal, mean_chord, end - begin
+        yield _triple(point), forward, normal, _clean(mean_chord), _clean(end - begin)
 
 
-def _triple(vector: Array) -> tuple[float, float, float]:
+def _triple(vector: Array) -> Axis:
     return axis_of(map(_clean, vector))
 
 

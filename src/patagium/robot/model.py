@@ -802,19 +802,25 @@ def _mounted(
     of_both: dict[str, Any] = {name: joined(name, 0.0) for name in ("stiffness", "rest")}
     of_both |= {name: joined(name) for name in (*_OF_JOINTS, *CAPACITIES)}
     of_both |= {name: pairs(name) for name in ("joined_wings", "mirrored_wings", "mirrored_joints")}
-    composed = replace(
+    names = (*(prefix + k for k in arm.dof_names), *(robot.dof_names[i] for i in kept))
+    for kind, own in (
+        ("bodies", [body.name for body in bodies]),
+        ("coordinates", names),
+        ("strips", [strip.name for strip in strips]),
+    ):
+        if taken := repeated(own):
+            raise ParameterError("prefix", f"one that keeps names of {kind} apart", taken[0])
+    return replace(
         robot,
         name=f"{robot.name}-on-{arm.name}",
         bodies=bodies,
         strips=strips,
-        dof_names=(*(prefix + k for k in arm.dof_names), *(robot.dof_names[i] for i in kept)),
+        dof_names=names,
         actuated=(*arm.actuated, *(dof[i] for i in robot.actuated if i in dof)),
         source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
         cruise=None,
         **of_both,
     )
-    _check_names(composed)
-    return composed
 
 
 def _renamed(body: Body, prefix: str) -> Body:
@@ -864,14 +870,3 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
     return axis_of(vector)
-
-
-def _check_names(robot: Robot) -> None:
-    kinds = {
-        "bodies": [body.name for body in robot.bodies],
-        "coordinates": list(robot.dof_names),
-        "strips": [strip.name for strip in robot.strips],
-    }
-    for kind, names in kinds.items():
-        if taken := repeated(names):
-            raise ParameterError("prefix", f"one that keeps names of {kind} apart", taken[0])

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import Body, Joint, Robot, Strip
+from patagium.robot.model import Axis, Body, Joint, Robot, Strip, axis_of
 
 BOTH_SIDES = 0.5
 """Reach on one side of the hinge over that on the other, beyond which a wing goes to both sides."""
@@ -69,7 +69,7 @@ def _turn(axis: Array, angle: float) -> Array:
     return np.asarray(turned)
 
 
-def reflected_axis(kind: str, axis: Any) -> tuple[float, float, float]:
+def reflected_axis(kind: str, axis: Any) -> Axis:
     """Axis reflected in y, (3,): a polar vector for a slide, an axial one for a turn.
 
     Args:
@@ -77,8 +77,7 @@ def reflected_axis(kind: str, axis: Any) -> tuple[float, float, float]:
         axis: Its unit axis, (3,) [1].
     """
     x, y, z = axis
-    signed = (x, -y, z) if kind == "prismatic" else (-x, y, -z)
-    return (signed[0] + 0.0, signed[1] + 0.0, signed[2] + 0.0)
+    return axis_of((x, -y, z) if kind == "prismatic" else (-x, y, -z))
 
 
 def strip_corners(strip: Strip) -> Array:

@@ -212,6 +212,8 @@ def _overlaps(robot: Robot) -> Iterator[str]:
     corners = [placed(places[s.body], strip_corners(s)) for s in robot.strips]
     told: set[tuple[str, str]] = set()
     for i, strip in enumerate(robot.strips):
+        if strip.mirrored:
+            continue
         turn = places[strip.body][1]
         ahead, up = turn @ np.array(strip.forward), turn @ np.array(strip.normal)
         axes = np.array([ahead, np.cross(up, ahead), up])
@@ -222,12 +224,7 @@ def _overlaps(robot: Robot) -> Iterator[str]:
             level = np.abs(seen[:, 2] - own[:, 2].mean()).max() < _OVERLAP * strip.chord
             size = np.minimum(np.ptp(own, axis=0), np.ptp(seen, axis=0))[:2]
             pair = (other.wing, strip.wing)
-            if (
-                level
-                and not strip.mirrored
-                and (shared[:2] > _OVERLAP * size).all()
-                and pair not in told
-            ):
+            if level and (shared[:2] > _OVERLAP * size).all() and pair not in told:
                 told.add(pair)
                 yield (
                     f"strips {other.name} and {strip.name} lie on each other, so that the air "

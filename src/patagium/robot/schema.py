@@ -79,13 +79,12 @@ Direction: TypeAlias = Annotated[
     tuple[float, float, float], BeforeValidator(_unit_vector), Field(examples=["y"])
 ]
 PositiveLength: TypeAlias = Annotated[Length, _POSITIVE]
-Tensor: TypeAlias = Array
 FIRST_HINGE = 1 - 1 / np.sqrt(3)
 """Place of the first hinge of a flexible plate, over its share of the span."""
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
-def _from_second_moments(second: Array) -> Tensor:
+def _from_second_moments(second: Array) -> Array:
     return np.diag(second.sum() - second)
 
 
@@ -97,7 +96,7 @@ class Cylinder(_Part):
     radius: PositiveLength
     length: PositiveLength
 
-    def tensor(self, mass: float) -> Tensor:
+    def tensor(self, mass: float) -> Array:
         """Inertia about the centre of mass, (3, 3) [kg m^2].
 
         I = I_t (1 - u u^T) + I_a u u^T, I_a = m r^2 / 2, I_t = m (3 r^2 + l^2) / 12.
@@ -116,7 +115,7 @@ class Box(_Part):
     type: Literal["box"]
     size: tuple[PositiveLength, PositiveLength, PositiveLength]
 
-    def tensor(self, mass: float) -> Tensor:
+    def tensor(self, mass: float) -> Array:
         """Inertia about the centre of mass, I_xx = m (y^2 + z^2) / 12, (3, 3) [kg m^2]."""
         return _from_second_moments(mass / 12 * np.square(self.size))
 
@@ -136,7 +135,7 @@ class Plate(_Part):
         y, z = (self.span, self.thickness)[:: 1 if self.axis == "y" else -1]
         return self.chord, y, z
 
-    def tensor(self, mass: float) -> Tensor:
+    def tensor(self, mass: float) -> Array:
         """Inertia about the centre of mass, (3, 3) [kg m^2]."""
         return _from_second_moments(mass / 12 * np.square(self.size))
 
@@ -147,7 +146,7 @@ class Ellipsoid(_Part):
     type: Literal["ellipsoid"]
     semi_axes: tuple[PositiveLength, PositiveLength, PositiveLength]
 
-    def tensor(self, mass: float) -> Tensor:
+    def tensor(self, mass: float) -> Array:
         """Inertia about the centre of mass, I_xx = m (b^2 + c^2) / 5, (3, 3) [kg m^2]."""
         return _from_second_moments(mass / 5 * np.square(self.semi_axes))
 
@@ -157,7 +156,7 @@ class PointMass(_Part):
 
     type: Literal["point"]
 
-    def tensor(self, mass: float) -> Tensor:  # noqa: ARG002 - one signature for all shapes
+    def tensor(self, mass: float) -> Array:  # noqa: ARG002 - one signature for all shapes
         """Inertia of a point mass about itself: zero, (3, 3) [kg m^2]."""
         return np.zeros((3, 3))
 
@@ -183,7 +182,7 @@ class Moments(_Part):
             raise mismatch(PHYSICAL, f"xx {self.xx:g}, yy {self.yy:g}, zz {self.zz:g}")
         return self
 
-    def tensor(self, mass: float) -> Tensor:  # noqa: ARG002 - one signature for all shapes
+    def tensor(self, mass: float) -> Array:  # noqa: ARG002 - one signature for all shapes
         """Inertia about the centre of mass, (3, 3) [kg m^2]."""
         return inertia_tensor([getattr(self, key) for key in INERTIA])
 
@@ -213,6 +212,11 @@ class JointPart(_Part):
     rest: float = 0.0
     passive: StrictBool = False
 
+    @property
+    def unit(self) -> str:
+        """Unit of its coordinate."""
+        return _joint_units(self.type)["rest"]
+
     @model_validator(mode="before")
     @classmethod
     def _in_si(cls, written: Any) -> Any:
@@ -237,17 +241,15 @@ class JointPart(_Part):
     @model_validator(mode="after")
     def _ordered(self) -> JointPart:
         if self.limits is not None and not self.limits[0] < self.limits[1]:
-            found = spoken(_joint_units(self.type)["rest"], *self.limits)
-            raise mismatch("the lower before the upper", found, "limits")
+            raise mismatch("the lower before the upper", spoken(self.unit, *self.limits), "limits")
         for key in ("damping", "stiffness"):
             _not_negative(getattr(self, key), at=key)
         if self.rest and not self.stiffness:
             raise mismatch("a stiffness where there is a rest", "none", "stiffness")
         low, high = self.limits or (-np.inf, np.inf)
         if self.passive and self.stiffness and not low <= self.rest <= high:
-            unit = _joint_units(self.type)["rest"]
-            expected = f"a rest within the joint's limits, {spoken(unit, low, high)}"
-            raise mismatch(expected, spoken(unit, self.rest), "rest")
+            expected = f"a rest within the joint's limits, {spoken(self.unit, low, high)}"
+            raise mismatch(expected, spoken(self.unit, self.rest), "rest")
         return self
 
 
@@ -322,13 +324,13 @@ class BodyPart(_Part):
         if self.floating and (self.joints or self.parent or any(self.at) or any(self.orientation)):
             expected = "a floating body without parent, at, orientation and joints"
             raise mismatch(expected, "at least one of them")
-        plate = isinstance(self.shape, Plate) and self.shape.axis == "y"
-        if self.flexible is not None and not (plate and not self.floating):
-            expected = "a flexible body whose shape is a plate along y, and that does not float"
-            raise mismatch(expected, "another body", "flexible")
-        if isinstance(self.shape, Plate) and self.flexible is not None:
-            inwards = self.shape.span / 2 - abs(self.center_of_mass[1])
-            if inwards > FIRST_HINGE * self.shape.span / self.flexible.elements:
+        if self.flexible is not None:
+            plate = self.shape
+            if not isinstance(plate, Plate) or plate.axis != "y" or self.floating:
+                expected = "a flexible body whose shape is a plate along y, and that does not float"
+                raise mismatch(expected, "another body", "flexible")
+            inwards = plate.span / 2 - abs(self.center_of_mass[1])
+            if inwards > FIRST_HINGE * plate.span / self.flexible.elements:
                 expected = "a flexible plate to one side of its body's origin, where it is held"
                 found = f"one that begins {inwards:.3g} m on the other side; cut it in two bodies"
                 raise mismatch(expected, found, "center_of_mass")
@@ -338,7 +340,7 @@ class BodyPart(_Part):
                 raise mismatch(expected, "a body that is not floating")
         return self
 
-    def tensor(self) -> Tensor:
+    def tensor(self) -> Array:
         """Inertia about the centre of mass, (3, 3) [kg m^2], body axes."""
         form = self.inertia if self.inertia is not None else self.shape
         return form.tensor(self.mass)  # type: ignore[union-attr]

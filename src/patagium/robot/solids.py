@@ -132,9 +132,8 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
         ends = [2.0 * np.array(body.center_of_mass, float)]
     long = [end for end in ends if np.linalg.norm(end) > radius]
     if not long and not strips:
-        center = tuple(float(k) for k in body.center_of_mass)
         size = 2 * radius if robot.strips and index >= carried_body(robot) else radius
-        return [Solid(index, "ellipsoid", center, (0.0, 0.0, 1.0), (size,) * 3)]
+        return [_solid(index, body, Ellipsoid(type="ellipsoid", semi_axes=(size, size, size)))]
     stout = [max(radius, _STOUTNESS * float(np.linalg.norm(end))) for end in long]
     return [tube(index, np.zeros(3), *one) for one in zip(long, stout, strict=True)]
 

@@ -141,7 +141,8 @@ class _Reader:
         elements, joints = self._named("link"), self._named("joint")
         above: dict[str, tuple[Element, str]] = {}
         for name, joint in joints.items():
-            parent, child = (self._linked(name, joint, key, elements) for key in _ENDS)
+            ends = (self._linked(name, joint, key, elements) for key in ("parent", "child"))
+            parent, child = ends
             if child in above:
                 self._refuse(f"joint {name}", "a child with one parent", f"{child} again")
             above[child] = (joint, parent)
@@ -190,14 +191,9 @@ class _Reader:
             return links
         first, second = links[0], free[0]
         origin = self._origin(second.joint, second.name)
-        sound = (
-            len(free) == 1
-            and second.parent == first.name
-            and first.element.find("inertial") is None
-            and sum(link.parent == first.name for link in links) == 1
-            and not np.any(origin)
-        )
-        if not sound:
+        below = [link for link in links if link.parent == first.name]
+        massless = first.element.find("inertial") is None
+        if not (free == below == [second] and massless and not np.any(origin)):
             expected = "one floating joint, at the origin of a root link without mass and others"
             self._refuse(f"joint above {second.name}", expected, "another")
             return links
@@ -314,9 +310,6 @@ class _Reader:
 
     def _refuse(self, place: str, expected: str, found: str) -> None:
         self.problems.append((place, expected, found))
-
-
-_ENDS = ("parent", "child")
 
 
 def _one_line(text: str) -> str:

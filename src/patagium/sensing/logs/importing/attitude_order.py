@@ -77,10 +77,8 @@ def order_findings(
         for word, plane, (one, two), known in zip(_WORDS, _PLANES, off, told, strict=True)
         if known
     ]
-    text = (
-        f"as `order: {order}` the attitude contradicts the motion: {', '.join(words)}: was it "
-        f"written as {asked}?"
-    )
+    text = f"as `order: {order}` the attitude contradicts the motion: {', '.join(words)}"
+    text += f": was it written as {asked}?"
     if not told[3]:
         text += " Let it be if the robot does fly upside down or tail first"
     return [Finding("warning", names, "axes", text)]

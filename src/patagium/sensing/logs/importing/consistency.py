@@ -237,12 +237,11 @@ def _along_body(looked: _Stretches, items: Sequence[Quantity]) -> bool:
         looked: Stretches of the log.
         items: Three coordinates, their rates, and roll, pitch and yaw.
     """
-    pieces = [(time, np.split(np.hstack(x), 3, axis=1)) for time, x in looked.of(*items)]
-    stated = [(time, [x, rate]) for time, (x, rate, _) in pieces]
-    turned = [
-        (time, [x, Rotation.from_euler("ZYX", angles[:, ::-1]).apply(rate)])
-        for time, (x, rate, angles) in pieces
-    ]
+    stated, turned = list[Piece](), list[Piece]()
+    for time, values in looked.of(*items):
+        x, rate, angles = np.split(np.hstack(values), 3, axis=1)
+        stated.append((time, [x, rate]))
+        turned.append((time, [x, Rotation.from_euler("ZYX", angles[:, ::-1]).apply(rate)]))
     span = _span_of(stated, looked.span)
     far, near = (np.diff(_changes(one, span), axis=0) for one in (stated, turned))
     return bool(far.size >= _ENOUGH and _NEARER * (near**2).sum() < (far**2).sum())
@@ -340,7 +339,6 @@ def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
     size = float(np.linalg.norm(mean))
     if size < 0.3 * GRAVITY:  # gravity taken out, or another unit: reported elsewhere
         return []
-    where = f"{name} and {attitude}"
     components = ", ".join(f"{value:.3g}" for value in mean)
     if mean[2] < -0.5 * size:
         doubt = "down; a body that is carried feels up: check frame and body"
@@ -349,7 +347,7 @@ def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
     else:
         return []
     text = f"the mean in the world is ({components}) m/s^2, {doubt}"
-    return [Finding("warning", where, "axes", text)]
+    return [Finding("warning", f"{name} and {attitude}", "axes", text)]
 
 
 def sensor_findings(streams: Sequence[Stream]) -> list[Finding]:

@@ -126,22 +126,19 @@ class StampSurvey:
         place = int(np.searchsorted(np.cumsum(self._bins), (total + 1) // 2))
         return float(self._sums[place] / self._bins[place]) / SECOND
 
+    def _bin(self, factor: float) -> float:
+        """Place of `factor` medians among the bins; 0 where there are no steps."""
+        return math.log(factor * self.median * SECOND) / _WIDTH if self._bins.any() else 0.0
+
     def gaps(self, factor: float) -> int:
         """Number of steps that are longer than `factor` medians."""
-        median = self.median
-        if not np.isfinite(median):
-            return 0
-        limit = factor * median * SECOND
-        count = int(self._bins[int(np.ceil(np.log(limit) / _WIDTH)) :].sum())
-        return max(count, int(self.longest > limit))
+        count = int(self._bins[math.ceil(self._bin(factor)) :].sum())
+        return max(count, int(self.longest > factor * self.median * SECOND))
 
     @property
     def near_duplicates(self) -> int:
         """Number of steps that are shorter than a tenth of the median."""
-        median = self.median
-        if not np.isfinite(median):
-            return 0
-        return int(self._bins[: max(0, int(np.log(_NEAR * median * SECOND) / _WIDTH))].sum())
+        return int(self._bins[: max(0, int(self._bin(_NEAR)))].sum())
 
     @property
     def rate(self) -> float:
@@ -201,20 +198,23 @@ class ValueSurvey:
             self._square += (plain**2).sum(axis=0)
             self._steps += np.nansum(np.diff(values, axis=0) ** 2, axis=0)
 
+    def _per_number(self, sums: Array) -> Array:
+        return sums / np.where(self.count, self.count, np.nan)
+
     @property
     def mean(self) -> Array:
         """Mean of each channel, (n,); NaN where nothing is finite."""
-        return self._sum / np.where(self.count, self.count, np.nan)
+        return self._per_number(self._sum)
 
     @property
     def rms(self) -> Array:
         """Root mean square of each channel, (n,); NaN where nothing is finite."""
-        return np.asarray(np.sqrt(self._square / np.where(self.count, self.count, np.nan)))
+        return np.sqrt(self._per_number(self._square))
 
     @property
     def change(self) -> Array:
         """Root mean square change from row to row, (n,); NaN where nothing is finite."""
-        return np.asarray(np.sqrt(self._steps / np.where(self.count, self.count, np.nan)))
+        return np.sqrt(self._per_number(self._steps))
 
     @property
     def noise(self) -> Bools:
@@ -453,26 +453,16 @@ def stamp_findings(
         kept: Row that the mapping keeps of those with the same stamp; None if it does not say.
     """
     found, doubt = [], time_doubt(stamps) if written else ""
+    missing = 0 if stamps.far and doubt else stamps.missing
     rate = f"{stamps.rate:.4g} Hz" if stamps.rate > 0 else "RATE"
     even = f"`restamp: {rate}` if they were sampled evenly"
-    missing = 0 if stamps.far and doubt else stamps.missing
+    keep = kept or f"left out; say `duplicates: keep-last` to keep the last of them, or {even}"
+    back = f"an earlier one, by up to {stamps.furthest_back / SECOND:.4g} s; left out"
+    back += f"; if the clock wraps or was set back, say `restamp: {rate}`" * stamps.set_back
     for count, kind, what in (
         (missing, "missing stamps", "without a stamp; left out"),
-        (
-            stamps.duplicates,
-            "duplicate stamps",
-            f"with the stamp of the one before; {kept}"
-            if kept
-            else "with the stamp of the one before; left out; say `duplicates: keep-last` to keep "
-            f"the last of them, or {even}",
-        ),
-        (
-            stamps.backwards,
-            "backward stamps",
-            f"stamped before an earlier one, by up to {stamps.furthest_back / SECOND:.4g} s; "
-            "left out"
-            + f"; if the clock wraps or was set back, say `restamp: {rate}`" * stamps.set_back,
-        ),
+        (stamps.duplicates, "duplicate stamps", f"with the stamp of the one before; {keep}"),
+        (stamps.backwards, "backward stamps", f"stamped before {back}"),
         (stamps.near_duplicates, "near-duplicate stamps", "less than a tenth of the median step "
          f"after the one before; kept; say {even}"),
     ):  # fmt: skip
@@ -482,10 +472,8 @@ def stamp_findings(
     gaps = stamps.gaps(gap)
     if gaps:
         at = (stamps.longest_at - (stamps.first or 0)) / SECOND
-        text = (
-            f"{gaps} step(s) longer than {gap:g} times the median of {stamps.median:.4g} s, "
-            f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
-        )
+        text = f"{gaps} step(s) longer than {gap:g} times the median of {stamps.median:.4g} s, "
+        text += f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
         found.append(Finding("warning", where, "gap", text))
     if doubt:
         found.append(Finding("warning", where, "unit of time", doubt))
@@ -502,9 +490,8 @@ def time_doubt(stamps: StampSurvey) -> str:
     usual = (_FAST if dates else 2e-6) <= median <= _SLOW and not stamps.far
     if usual or not math.isfinite(median):
         return ""
-    fit = next(
-        iter([*dates, *(u for u, f in others.items() if 2e-6 <= median * f <= 1.0)]), "another"
-    )
+    likely = [u for u, f in others.items() if 2e-6 <= median * f <= 1.0]
+    fit = [*dates, *likely, "another"][0]
     if median < _SLOW and _DAYS[0] < first < _DAYS[1]:
         fit = "d (days, as spreadsheets and MATLAB count them)"
     return f"a median step of {median:.4g} s from {first:.4g} s on; is its unit perhaps {fit}?"
@@ -626,10 +613,8 @@ def _acceleration_guess(sizes: Sizes) -> str:
     if not size or (size > 0.5 * GRAVITY and size < 3.0 * GRAVITY):
         return ""
     written = size / sizes.factor
-    for unit, one in (("m/s^2", GRAVITY), ("g_0", 1.0), ("mm/s^2", 1e3 * GRAVITY), ("mg_0", 1e3)):
-        if 1 / _CLOSE < written / one < _CLOSE:
-            return unit
-    return ""
+    ones = {"m/s^2": GRAVITY, "g_0": 1.0, "mm/s^2": 1e3 * GRAVITY, "mg_0": 1e3}
+    return next((u for u, one in ones.items() if 1 / _CLOSE < written / one < _CLOSE), "")
 
 
 def number_findings(

@@ -262,23 +262,26 @@ def _surveyed(
 def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
     """Facts of a part of a log: stamps, rate, gaps and columns."""
     topic, stamps, median = part.topic, survey.stamps, survey.stamps.median
-    counted = topic.base.kind == "rows" or bool(topic.problem)  # and no stamp is known
-    return TopicFacts(
+    facts = TopicFacts(
         name=part.label,
         kind=topic.kind,
         rows=stamps.rows,
         stamps=topic.base.column or topic.base.kind,
         begin=((stamps.first or origin) - origin) / SECOND,
-        duration=math.nan if counted else stamps.duration,
-        rate=math.nan if counted or not median > 0 else 1.0 / median,
-        gaps=0 if counted else stamps.gaps(GAP),
-        longest=math.nan if counted else stamps.longest / SECOND,
+        duration=stamps.duration,
+        rate=1.0 / median if median > 0 else math.nan,
+        gaps=stamps.gaps(GAP),
+        longest=stamps.longest / SECOND,
         duplicates=stamps.duplicates,
-        near_duplicates=0 if counted else stamps.near_duplicates,
+        near_duplicates=stamps.near_duplicates,
         backwards=stamps.backwards,
         channels=_channel_facts(part, survey),
         unplaced=dict(topic.unplaced),
     )
+    if topic.base.kind == "rows" or topic.problem:  # and no stamp is known
+        nan = math.nan
+        facts = replace(facts, duration=nan, rate=nan, gaps=0, longest=nan, near_duplicates=0)
+    return facts
 
 
 def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...]:

@@ -20,7 +20,6 @@ from patagium.sensing.logs.files.table_files import nanoseconds_in, unit_of_suff
 from patagium.sensing.logs.importing.findings import (
     SENSED,
     Finding,
-    ValueSurvey,
     is_still,
     number_findings,
     recorder_findings,
@@ -30,7 +29,7 @@ from patagium.sensing.logs.importing.findings import (
 )
 from patagium.sensing.logs.importing.plan import Plan, Quantity, coordinates
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
-from patagium.sensing.logs.mapping import AirWords, conversion, si_of
+from patagium.sensing.logs.mapping import conversion, si_of
 from patagium.sensing.logs.record import WIND
 
 
@@ -59,10 +58,8 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
                 found.append(Finding("warning", f"{name}, its stamps", "unit", text))
         median = survey.stamps.median
         if base.step > 2.01 * median:
-            text = (
-                f"every {median:.4g} s, brought to every {base.step:.4g} s without a filter: "
-                "what is faster folds"
-            )
+            brought = f"every {median:.4g} s, brought to every {base.step:.4g} s"
+            text = f"{brought} without a filter: what is faster folds"
             found.append(Finding("warning", name, "rate", text))
     still = any(
         is_still(sizes_of(spool.surveys[item.stream].values, item.places, item.column.unit))
@@ -74,12 +71,8 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
         known = bool(label)  # a coordinate of the robot, not of a sensor
         conversion(item.column.unit, units.get(label), f"mapping: {item.column.label}")
         found += _item_findings(item, spool, known, still)
-        found += _range_findings(item, spool)
-        found += _recorder_findings(item, spool)
-        if plan.robot is not None:
-            found += _wind_findings(item, spool.surveys[item.stream].values, mapping.air)
-        found += _matrix_findings(item, spool)
-        found += _stated_unit(item, plan)
+        for check in _CHECKS:
+            found += check(item, spool)
     if plan.robot is not None:
         found += _flight_findings(plan.robot, spool)
     return found
@@ -122,18 +115,18 @@ _APART = 7.5
 """Ratio of a rate to a change from which they may be in rad and in deg: the root of 57."""
 
 
-def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[Finding]:
+def _wind_findings(item: Quantity, spool: Spool) -> list[Finding]:
     """Finding that the wind in a log is not the one that the mapping states for all of it.
 
     None of one named `wind`, or `wind.x`, which `identify` and `motion` follow.
     """
-    name, places = item.column.label, item.places
-    if item.si != "m/s" or _WIND.search(name) is None or not values.count[places].all():
+    name, places, values = item.column.label, item.places, spool.surveys[item.stream].values
+    if spool.plan.robot is None or item.si != "m/s" or _WIND.search(name) is None:
         return []
-    if set(WIND) & set(item.column.labels):
+    if not values.count[places].all() or set(WIND) & set(item.column.labels):
         return []
     sizes = sizes_of(values, places, item.column.unit, item.column.offset)
-    speed, stated = float(np.linalg.norm(sizes.mean)), float(np.linalg.norm(air.wind))
+    speed, stated = (float(np.linalg.norm(k)) for k in (sizes.mean, spool.plan.mapping.air.wind))
     spread = np.maximum(values.rms[places] ** 2 - values.mean[places] ** 2, 0.0)
     change = float(np.sqrt(spread.sum())) * item.si_factor
     text = f"is {speed:.3g} m/s in the mean, and `air` of the mapping says a wind of {stated:.3g}"
@@ -216,10 +209,10 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
     return [Finding("warning", words.label, "range", text)]
 
 
-def _stated_unit(item: Quantity, plan: Plan) -> list[Finding]:
+def _stated_unit(item: Quantity, spool: Spool) -> list[Finding]:
     """Finding that the file states another unit, or order of a quaternion, than the mapping."""
-    wanted = plan.wanted[item.stream]
-    topic = plan.log.topics[wanted.topic]
+    wanted = spool.plan.wanted[item.stream]
+    topic = spool.plan.log.topics[wanted.topic]
     path = wanted.fields[item.places[0]]
     stated = topic.channels[path].unit
     if not stated and item.column.unit in ("g", "G"):
@@ -239,6 +232,7 @@ def _stated_unit(item: Quantity, plan: Plan) -> list[Finding]:
     return [Finding("warning", item.column.label, "unit", text)]
 
 
+_CHECKS = _range_findings, _recorder_findings, _wind_findings, _matrix_findings, _stated_unit
 _DENSE = (
     "networks of strips are pointless without them: map measured angles, or learn a dense network "
     "of inputs and outputs (`--network dense`)"

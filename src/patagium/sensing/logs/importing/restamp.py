@@ -74,10 +74,8 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
     words += f", and {some if len(gaps) else 'none as lost'}"
     if wraps:
         words += f"; {wraps} time(s) their clock jumped back, and no row was lost then"
-    words += (
-        f"; the stamps in the file differ from this by {np.sqrt(np.mean(off**2)) / 1e9:.3g} s "
-        f"(rms), at most {np.abs(off).max() / 1e9:.3g} s"
-    )
+    rms, most = np.sqrt(np.mean(off**2)) / 1e9, np.abs(off).max() / 1e9
+    words += f"; the stamps in the file differ from this by {rms:.3g} s (rms), at most {most:.3g} s"
     return np.rint(grid * step + start).astype(np.int64) + origin, words
 
 
