@@ -300,8 +300,7 @@ def _draft(name: str, part: BodyPart, bodies: Mapping[str, BodyPart]) -> _Draft:
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
     """Drafts with the images that the file asks for."""
-    known = {draft.name for draft in drafts}
-    everything = list(drafts)
+    everything = {draft.name: draft for draft in drafts}
     for i, mirror in enumerate(file.mirror):
         path = f"mirror.{i}"
         originals = [draft for draft in drafts if draft.name.startswith(mirror.source)]
@@ -311,11 +310,10 @@ def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
             raise AssemblyError((f"{path}.from", expected, mirror.source))
         for draft in originals:
             image = _image(draft, mirror)
-            if image.name in known:
+            if image.name in everything:
                 raise AssemblyError((path, "names that are not taken yet", f"body {image.name}"))
-            known.add(image.name)
-            everything.append(image)
-    return everything
+            everything[image.name] = image
+    return [*everything.values()]
 
 
 def _image(draft: _Draft, mirror: Mirror) -> _Draft:
@@ -390,9 +388,8 @@ def _check_inertia(robot: Robot, paths: list[str]) -> None:
         if free:
             place = np.average(centers[below], 0, masses[below])
         arms = centers[below] - place
-        tensor = np.sum(tensors[below], axis=0)
-        for mass, arm in zip(masses[below], arms, strict=True):
-            tensor = tensor + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        second = masses[below] * arms.T @ arms
+        tensor = tensors[below].sum(axis=0) + np.trace(second) * np.eye(3) - second
         least = np.linalg.eigvalsh(tensor)[0] if free else min(a @ tensor @ a for a in axes)
         if not least > max(_ROUNDING * np.trace(tensor), LEAST_INERTIA):
             expected = f"a moment of inertia about its {'center' if free else 'joint'} above 0"

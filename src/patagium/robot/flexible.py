@@ -76,10 +76,7 @@ def flexed(bodies: dict[str, BodyPart]) -> dict[str, BodyPart]:
             piece, along = cut[body.parent].place(y)
             parent = cut[body.parent].names[piece]
             held = body.model_copy(update={"parent": parent, "at": (x, along, z)})
-        if name in cut:
-            found.update(_cut(held, cut[name]))
-        else:
-            found[name] = held
+        found |= _cut(held, cut[name]) if name in cut else {name: held}
     return found
 
 
@@ -89,11 +86,11 @@ def _plate(body: BodyPart) -> tuple[Plate, FlexiblePart]:
     return body.shape, body.flexible
 
 
-def _cut(body: BodyPart, pieces: Pieces) -> Iterator[tuple[str, BodyPart]]:
+def _cut(body: BodyPart, pieces: Pieces) -> dict[str, BodyPart]:
     """Pieces of a flexible body by name, each with its share of mass and span."""
     plate, flexible = _plate(body)
     x, _, z = body.center_of_mass
-    ends = np.r_[0.0, pieces.hinges, plate.span]
+    ends, found = np.r_[0.0, pieces.hinges, plate.span], dict[str, BodyPart]()
     for k, (name, length) in enumerate(zip(pieces.names, np.diff(ends), strict=True)):
         middle = pieces.outwards * float(length) / 2 + (0.0 if k else pieces.root)
         changed = {
@@ -109,7 +106,8 @@ def _cut(body: BodyPart, pieces: Pieces) -> Iterator[tuple[str, BodyPart]]:
                 "orientation": (0.0, 0.0, 0.0),
                 "joints": tuple(_hinge(pieces.names[0], k, plate.span, flexible)),
             }
-        yield name, body.model_copy(update=changed)
+        found[name] = body.model_copy(update=changed)
+    return found
 
 
 class Hinge(JointPart):

@@ -274,8 +274,7 @@ class Linkage:
         """The three closures, (3, N) [m]: zero where the loops close."""
         pin, shoulder, rocker = self._crank_pin(phase), self._shoulder, self._rocker_axis
         between = np.array([pin - shoulder, pin - rocker, rocker - shoulder + 0 * pin])
-        openings: Complex = between + self._arms(angles).sum(axis=1)
-        return openings
+        return np.asarray(between + self._arms(angles).sum(axis=1))
 
     def _arms(self, angles: Array) -> Complex:
         """Each closure's bars as turned by the six angles, (3, 6, N) [m]."""

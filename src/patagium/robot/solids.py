@@ -14,7 +14,7 @@ import yaml
 from pydantic import ValidationError
 
 from patagium.arrays import Array
-from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.model import Body, Robot, Strip, axis_of
 from patagium.robot.planform import reflected_axis, sides_of, wing_span
 from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, RobotFile
 
@@ -65,8 +65,8 @@ def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
     """A tube of a radius [m] from one point to another, in the axes of its body, (3,) [m]."""
     link = end - start
     length = float(np.linalg.norm(link))
-    center, axis = (tuple(float(x) for x in k) for k in ((start + end) / 2, link / length))
-    return Solid(body, "capsule", center, axis, (radius, length))
+    middle = axis_of((start + end) / 2)
+    return Solid(body, "capsule", middle, axis_of(link / length), (radius, length))
 
 
 def carried_body(robot: Robot) -> int:
@@ -113,8 +113,7 @@ def _reflected(shape: Any) -> Any:
 
 
 def _solid(index: int, body: Body, shape: Cylinder | Box | Ellipsoid | Plate) -> Solid:
-    center = tuple(float(k) for k in body.center_of_mass)
-    up = (0.0, 0.0, 1.0)
+    center, up = axis_of(body.center_of_mass), (0.0, 0.0, 1.0)
     if isinstance(shape, Cylinder):
         return Solid(index, "cylinder", center, tuple(shape.axis), (shape.radius, shape.length))
     if isinstance(shape, Ellipsoid):

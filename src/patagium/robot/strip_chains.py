@@ -79,8 +79,7 @@ def joined_images(robot: Robot, images: Iterable[Pair]) -> tuple[Pair, ...]:
 
 def chain_words(robot: Robot) -> str:
     """Wings of each lifting line, such as "left_wing + right_wing; tail"."""
-    lines = (dict.fromkeys(robot.strips[i].wing for i in k.strips) for k in strip_chains(robot))
-    return "; ".join(" + ".join(wings) for wings in lines)
+    return "; ".join(" + ".join(_wings(robot, chain)) for chain in strip_chains(robot))
 
 
 def _way(
@@ -107,8 +106,8 @@ def _way(
     return min(ways, key=far, default=None)
 
 
-def _wings(robot: Robot, chain: StripChain) -> set[str]:
-    return {robot.strips[i].wing for i in chain.strips}
+def _wings(robot: Robot, chain: StripChain) -> list[str]:
+    return [*dict.fromkeys(robot.strips[i].wing for i in chain.strips)]
 
 
 def _order(robot: Robot, index: int) -> int:

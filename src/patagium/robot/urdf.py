@@ -252,13 +252,8 @@ class _Reader:
             leader = _one_line(mimic.get("joint", ""))
             tie = f"{name} = {factor:g} {leader} + {offset:g}"
             self.left_out.append((place, f"a coordinate of its own; tie {tie} in the gait"))
-        yield {
-            "name": name,
-            "type": _MOVING[kind],
-            "axis": axis.tolist(),
-            **limit,
-            **({"damping": damping} if damping else {}),
-        }
+        found = {"name": name, "type": _MOVING[kind], "axis": axis.tolist()} | limit
+        yield found | ({"damping": damping} if damping else {})
 
     def _limits(self, joint: Element, kind: str, place: str) -> dict[str, Any]:
         element, place = joint.find("limit"), f"{place}.limit"

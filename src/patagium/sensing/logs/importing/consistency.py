@@ -142,9 +142,8 @@ class _Stretches:
         for begin, end in self._places:
             stamps = stamps_in(self._spool, self._base, begin, end)
             parts = [resampled(self._spool, item, stamps) for item in items]
-            valid = np.logical_and.reduce([ok for _, ok in parts])
             time = (stamps - stamps[0]) / SECOND
-            kept = np.flatnonzero(valid)
+            kept = np.flatnonzero(np.all([ok for _, ok in parts], axis=0))
             breaks = np.flatnonzero(np.diff(time[kept]) > self._gap * self._base.step) + 1
             for run in np.split(kept, breaks):
                 if len(run) > self.span:
@@ -313,17 +312,16 @@ def _forces(
     looked: _Stretches, attitude: Quantity, force: Quantity, speed: Quantity | None
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
     items = (attitude, force) if speed is None else (attitude, force, speed)
-    stretches = [
-        (time, others, from_quaternion(turned).apply(felt))
-        for time, (turned, felt, *others) in looked.of(*items)
+    pieces = [
+        (time, [*moving, from_quaternion(turned).apply(felt)])
+        for time, (turned, felt, *moving) in looked.of(*items)
     ]
-    if not stretches:
+    if not pieces:
         return [], []
-    mean = np.concatenate([world for _, _, world in stretches]).mean(axis=0)
+    mean = np.concatenate([values[-1] for _, values in pieces]).mean(axis=0)
     name = force.column.label
     fact: dict[str, Any] = {"specific_force": name, "mean_in_world": mean.tolist()}
     if speed is not None:
-        pieces = [(time, [*moving, world]) for time, moving, world in stretches]
         change, means = _changes(pieces, looked.span)
         less = means - [0.0, 0.0, GRAVITY] - change
         fact["velocity"] = speed.column.label

@@ -335,14 +335,14 @@ def recorder_findings(
     measured, joint = measured and not ordered, joint and not ordered
     whole = np.insert(values, find_gaps(stamps, gap), np.nan)
     seen = np.isfinite(whole)
-    marks = _marks(whole[seen])  # before -999 degrees become 81
+    marks = [*_marks(whole[seen])]  # before -999 degrees become 81
     if turn:
         whole[seen] = np.unwrap(whole[seen], period=turn)
     values = whole[seen]
     if len(np.unique(values)) < _LEVELS:
         return []
     steps = np.abs(np.diff(values))
-    found = marks + _clipped(values, steps, measured=measured, joint=joint)
+    found = [*marks, *_clipped(values, steps, measured=measured, joint=joint)]
     changes = np.diff(np.flatnonzero(steps))
     every = float(np.median(changes))
     if (measured or joint) and every > 1 and (np.abs(changes - every) < 1).mean() > 0.9:
@@ -377,14 +377,12 @@ def _ends(values: Array) -> Iterator[tuple[float, int, int, float, bool]]:
         yield levels[end], int(counts[end]), int(counts[near]), step, apart
 
 
-def _marks(values: Array) -> list[tuple[str, str]]:
+def _marks(values: Array) -> Iterator[tuple[str, str]]:
     """Warnings of a least or largest number that marks missing samples."""
-    found: list[tuple[str, str]] = []
     for mark, count, _, _, apart in _ends(values):
         if apart and (count > 1 or {*f"{abs(mark):g}"} == {"9"}):
             text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
-            found.append(("missing numbers", text + "is missing, leave these cells empty"))
-    return found
+            yield "missing numbers", text + "is missing, leave these cells empty"
 
 
 def _wraps(values: Array) -> int:
@@ -395,9 +393,10 @@ def _wraps(values: Array) -> int:
     return len(far) if len(far) > 1 and against.mean() > 0.5 else 0
 
 
-def _clipped(values: Array, steps: Array, *, measured: bool, joint: bool) -> list[tuple[str, str]]:
+def _clipped(
+    values: Array, steps: Array, *, measured: bool, joint: bool
+) -> Iterator[tuple[str, str]]:
     """Warnings of clipped samples at the least and the largest number."""
-    found: list[tuple[str, str]] = []
     for mark, count, beside, step, apart in _ends(values):
         begins, ends = runs(values == mark).T
         begins = begins[ends - begins >= _RUN]
@@ -408,8 +407,7 @@ def _clipped(values: Array, steps: Array, *, measured: bool, joint: bool) -> lis
             if abrupt or (measured and mark):
                 text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: "
                 text += "if the sensor or its amplifier is at the end of its range there, leave "
-                found.append(("clipped", text + "them empty"))
-    return found
+                yield "clipped", text + "them empty"
 
 
 GRAVITY = 9.80665

@@ -298,7 +298,7 @@ def _write(
     writer: Writer, spool: Spool, base: TimeBase, progress: Progress | None
 ) -> tuple[int, float]:
     """Number of samples written, with what is needed and an output, and their duration [s]."""
-    samples, first, last, end = 0, 0.0, 0.0, 0
+    samples, ends, end = 0, list[float](), 0
     needed = np.array([item.needed for item in spool.plan.items])
     learned = ~needed & [item.role == "output" for item in spool.plan.items]
     while (begin := after_gaps(spool, base, end)) < base.count:
@@ -312,13 +312,12 @@ def _write(
         values = np.column_stack([*shown, zeros])[valid]
         time = (stamps[valid] - base.origin) / SECOND
         if len(time):
-            first = float(time[0]) if not samples else first
-            last = float(time[-1])
+            ends += [float(time[0]), float(time[-1])]
             samples += len(time)
             writer.write(time, values)
         if progress is not None:
             progress(end, base.count)
-    return samples, last - first
+    return samples, ends[-1] - ends[0] if ends else 0.0
 
 
 def _robot(mapping: TableMapping, source: str) -> Robot | None:

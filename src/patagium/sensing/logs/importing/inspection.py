@@ -7,7 +7,7 @@ judged by its stamps and missing entries alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -285,15 +285,11 @@ def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
 
 
 def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...]:
-    values, topic = survey.values, part.topic
-    present, mean, rms = values.count > 0, values.mean, values.rms
-    low, high = (np.where(present, ends, np.nan) for ends in (values.low, values.high))
-    numbers = zip(*(one.tolist() for one in (low, high, mean, rms, values.missing)), strict=True)
-    held = [topic.channels[name] for name in part.fields]
-    return tuple(
-        ChannelFacts(name, one.dtype, one.unit, *row)
-        for name, one, row in zip(part.fields, held, numbers, strict=True)
-    )
+    values, held = survey.values, part.topic.channels
+    ends = (np.where(values.count > 0, end, np.nan) for end in (values.low, values.high))
+    columns = (one.tolist() for one in (*ends, values.mean, values.rms, values.missing))
+    rows = zip(part.fields, *columns, strict=True)
+    return tuple(ChannelFacts(name, held[name].dtype, held[name].unit, *row) for name, *row in rows)
 
 
 def _unreadable(topic: Topic) -> TopicFacts:
@@ -302,33 +298,33 @@ def _unreadable(topic: Topic) -> TopicFacts:
     return replace(empty, rows=count, stamps="", begin=nan, problem=topic.problem)
 
 
-def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
+def _findings(part: _Part, survey: StreamSurvey) -> Iterator[Finding]:
     """Findings about the stamps, units and numbers of a part of a log."""
     topic, values, fields = part.topic, survey.values, part.fields
     where = part.label or "table"
     written = topic.base.kind == "column" and topic.kind == "table"
-    found = stamp_findings(where, survey.stamps, GAP, written=written)
+    yield from stamp_findings(where, survey.stamps, GAP, written=written)
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
     if survey.stamps.rows <= 1 < (topic.count or 0):
         text = f"{survey.stamps.rows} of {topic.count} messages has all the numbers of the first"
-        found.append(Finding("warning", where, "no rows", text))
+        yield Finding("warning", where, "no rows", text)
     if never and survey.stamps.rows:
-        found.append(Finding("note", where, "no number", ", ".join(never)))
+        yield Finding("note", where, "no number", ", ".join(never))
     lost = [n for n in topic.unplaced if topic.base.kind == "rows" and TIME_NAME.match(n.lower())]
     for name in lost:
         text = f"column {name!r} cannot be read: {topic.unplaced[name]}; {_TIMES}"
-        found.append(Finding("warning", where, "time", text))
+        yield Finding("warning", where, "time", text)
     bare = [n for n in fields if not topic.channels[n].unit and n != topic.base.column]
     if bare and topic.kind == "table":
         text = f"no unit found for: {', '.join(bare)}; taken as a plain number"
-        found.append(Finding("note", where, "unit", text))
+        yield Finding("note", where, "unit", text)
     for k, name in enumerate(fields):
         own = f"{topic.name} {name}".strip()
         unit = topic.channels[name].unit
         if not values.count[k]:
             continue
         constant = "note" if topic.kind == "table" else ""  # a column need not be mapped
-        found += number_findings(own, values, [k], constant)
+        yield from number_findings(own, values, [k], constant)
         si = si_of(unit)[1]  # a unit that the file states need not be one that we know
         places = _vector(fields, k) if si == "m/s^2" else [k]
         if not (unit and si and places):
@@ -336,8 +332,7 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
         others = [i for i, one in enumerate(fields) if topic.channels[one].unit == unit]
         for one in unit_findings(own, sizes_of(values, places, unit, others=others)):
             doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
-            found.append(replace(one, **doubt) if "Twist" in topic.kind else one)  # by custom alone
-    return found
+            yield replace(one, **doubt) if "Twist" in topic.kind else one  # by custom alone
 
 
 def _recorder_notes(part: _Part, survey: StreamSurvey) -> list[Finding]:

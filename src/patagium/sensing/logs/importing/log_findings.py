@@ -8,6 +8,7 @@ about the wings.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -68,9 +69,8 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
     )
     for item in plan.items:
         label = next((one for one in item.column.labels if one in flown), "")
-        known = bool(label)  # a coordinate of the robot, not of a sensor
         conversion(item.column.unit, units.get(label), f"mapping: {item.column.label}")
-        found += _item_findings(item, spool, known, still)
+        found += _item_findings(item, spool, bool(label), still)
         for check in _CHECKS:
             found += check(item, spool)
     if plan.robot is not None:
@@ -78,25 +78,26 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
     return found
 
 
-def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> list[Finding]:
+def _item_findings(item: Quantity, spool: Spool, flown: bool, still: bool) -> Iterator[Finding]:
+    """Findings about numbers, size and unit of a quantity, `flown` if a coordinate of a robot."""
     name, values = item.column.label, spool.surveys[item.stream].values
-    found = number_findings(name, values, item.places, "" if known else "warning")
+    yield from number_findings(name, values, item.places, "" if flown else "warning")
     if item.column.turn and spool.surveys[item.stream].stamps.gaps(spool.plan.mapping.gap):
         text = f"whole turns ({item.turn:g}) in a gap are not counted: it may be off after it"
-        found.append(Finding("warning", name, "jump", text))
-    if (known and item.si == "m/s^2") or _is_change(item, spool):  # need not show gravity
-        return found
+        yield Finding("warning", name, "jump", text)
+    if (flown and item.si == "m/s^2") or _is_change(item, spool):  # need not show gravity
+        return
     if item.norm is None:
         same = item.stream, item.column.unit
         alike = [one for one in spool.plan.items if (one.stream, one.column.unit) == same]
         others = [place for one in alike for place in one.places]
         sizes = sizes_of(values, item.places, item.column.unit, item.column.offset, others=others)
-        return found + unit_findings(name, sizes, still=still)
+        yield from unit_findings(name, sizes, still=still)
+        return
     norm = float(np.sqrt((values.rms[item.places] ** 2).sum()))
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
-        found.append(Finding("warning", name, "attitude", text))
-    return found
+        yield Finding("warning", name, "attitude", text)
 
 
 def _is_change(item: Quantity, spool: Spool) -> bool:

@@ -182,13 +182,11 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
         LogError: If the log lacks a topic or field of the mapping; the message names those it has.
     """
     streams: dict[tuple[str, StampSource], list[str]] = {}
-    topics: dict[str, Topic] = {}
     found, taken = [], {"time"}
     for role in ("inputs", "outputs", "channels"):
         for index, column in enumerate(getattr(mapping, role)):
             where = f"{source}: {role}.{index}"
             topic = find_topic(log, column.topic, where)
-            topics[topic.name] = topic
             base = _base(topic, column, mapping, source)
             fields = find_fields(topic, column.source, column.size, where)
             _take_names(column, taken, where)
@@ -197,7 +195,6 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
             found.append((role[:-1], column, (topic.name, base), fields))
     if mapping.time.like is not None:
         topic = find_topic(log, mapping.time.like, f"{source}: time.like")
-        topics[topic.name] = topic
         if not any(name == topic.name for name, _ in streams):
             streams[(topic.name, _base(topic, None, mapping, source))] = []
     keys = list(streams)
@@ -206,7 +203,8 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
         for role, column, key, fields in found
     ]
     wanted, names, stamped = _requests(log, streams, items, whole=mapping.time.rate is None)
-    counts = tuple(topics[one.topic].count or topics[one.topic].about for one in wanted)
+    topics = (log.topics[one.topic] for one in wanted)
+    counts = tuple(topic.count or topic.about for topic in topics)
     rates = _restamp_rates(mapping, stamped, source)
     return Plan(log, mapping, source, robot, wanted, names, tuple(items), counts, rates)
 
@@ -304,18 +302,15 @@ def _restamp_rates(
         LogError: If it is not clear which stream a rate is of.
     """
     given, where = mapping.time.restamp, f"{source}: time.restamp"
-    if given is None:
-        return (None,) * len(names)
-    if not isinstance(given, dict):
-        if len(names) > 1:
-            example = ", ".join(f"{name}: {given:g} Hz" for name in names)
-            expected = f"a rate for each stream, such as {{{example}}}"
-            raise LogError(where, expected, f"{given:g} Hz for {len(names)} streams")
-        return (given,)
-    unknown = [key for key in given if key not in names]
+    if isinstance(given, float) and len(names) > 1:
+        example = ", ".join(f"{name}: {given:g} Hz" for name in names)
+        expected = f"a rate for each stream, such as {{{example}}}"
+        raise LogError(where, expected, f"{given:g} Hz for {len(names)} streams")
+    rates = given if isinstance(given, dict) else dict.fromkeys(names, given)
+    unknown = [key for key in rates if key not in names]
     if unknown:
         raise LogError(where, f"names of streams ({', '.join(names)})", f"{unknown[0]!r}")
-    return tuple(given.get(name) for name in names)
+    return tuple(rates.get(name) for name in names)
 
 
 def variable_name(label: str) -> str:

@@ -181,10 +181,9 @@ def time_base(spool: Spool) -> TimeBase:
             for k, b, e in zip(used, begins, ends, strict=True)
         )
         raise LogError(source, "streams that overlap in time", described)
-    origin = begin
-    begin = origin + round((time.start or 0.0) * SECOND)
     if time.end is not None:
-        end = min(end, origin + round(time.end * SECOND))
+        end = min(end, begin + round(time.end * SECOND))
+    begin += round((time.start or 0.0) * SECOND)
     stream = _stream(spool, used)
     if stream is None:
         rate = float(time.rate or 0.0)
@@ -257,8 +256,7 @@ def resampled(spool: Spool, item: Quantity, stamps: Stamps) -> tuple[Array, Bool
     near = own[right] - own[left] <= spool.plan.mapping.gap * median * SECOND
     valid = exact | ((left >= 0) & (right > left) & near)
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
-    origin = own[0]
-    seconds, wanted = (own - origin) / SECOND, (stamps - origin) / SECOND
+    seconds, wanted = ((one - own[0]) / SECOND for one in (own, stamps))
     found = _between(spool, item, seconds, values, np.clip(wanted, 0.0, seconds[-1]))
     return found, valid & np.isfinite(found).all(axis=1)
 
