@@ -46,7 +46,6 @@ def poses(robot: Robot, q: ArrayLike | None = None) -> list[tuple[Array, Array]]
 
 def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]]:
     """Turn (3, 3) and slide (3,) [m] of each joint, from the parent on."""
-    unit, still = np.eye(3), np.zeros(3)
     if body.floating_dofs is not None:
         position, attitude = np.split(q[list(robot.floating_coordinates(body))], [3])
         if body.by_quaternion:
@@ -59,7 +58,7 @@ def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]
         axis = np.array(joint.axis)
         value = float(q[robot.coordinate_indices[joint.dof]])
         turns = joint.kind == "revolute"
-        yield (_turn(axis, value), still) if turns else (unit, axis * value)
+        yield (_turn(axis, value), np.zeros(3)) if turns else (np.eye(3), axis * value)
 
 
 def _turn(axis: Array, angle: float) -> Array:

@@ -270,8 +270,7 @@ class _Reader:
     def _origin(self, holder: Element | None, place: str) -> Any:
         """Position and roll, pitch, yaw of the element <origin>, (6,) [m, rad]."""
         element = holder.find("origin") if holder is not None else None
-        place = f"{place}.origin"
-        none = (0.0, 0.0, 0.0)
+        place, none = f"{place}.origin", (0.0, 0.0, 0.0)
         parts = [self._numbers(element, k, 3, place, none) for k in ("xyz", "rpy")]
         return np.concatenate(parts)
 

@@ -265,11 +265,9 @@ def _refuse_unusable(spool: Spool) -> None:
         if stamps.kept < 2:
             beyond = f"; none is a time below 146 years: {doubt} Then state its unit "
             beyond += f"(`{{column: {wanted.base.column}, unit: ...}}`)"
-            found = f"{stamps.kept} in {stamps.rows} row(s)"
-            raise LogError(
-                f"{log.path}: {name}", "at least two samples with stamps that advance",
-                found + beyond * bool(stamps.far and doubt),
-            )  # fmt: skip
+            expected = "at least two samples with stamps that advance"
+            found = f"{stamps.kept} in {stamps.rows} row(s){beyond * bool(stamps.far and doubt)}"
+            raise LogError(f"{log.path}: {name}", expected, found)
         chosen = mapping.time.duplicates is not None
         lost = stamps.rows - stamps.kept - (stamps.duplicates if chosen else 0)
         if lost > _MOST_LOST * stamps.rows:

@@ -144,21 +144,18 @@ _STEADY, _CALM = 0.1, 0.2
 """Share of the wind, and wind [m/s], by which it may be another."""
 
 
-def _recorder_findings(item: Quantity, spool: Spool) -> list[Finding]:
+def _recorder_findings(item: Quantity, spool: Spool) -> Iterator[Finding]:
     """Findings about numbers that the recorder made, in the first samples of a quantity."""
     count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
     stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item, 0, count)
     single = item.column.size == 1
     measured = item.role == "output" or (item.si in SENSED and not single)
     joint = spool.plan.robot is not None and single and item.si in ("rad", "m")
-    return [
-        one
-        for numbers in (() if item.is_attitude else first.T)
-        for one in recorder_findings(
+    for numbers in () if item.is_attitude else first.T:
+        yield from recorder_findings(
             item.column.label, stamps, numbers, spool.plan.mapping.gap,
             measured=measured, joint=joint, turn=item.turn,
-        )
-    ]  # fmt: skip
+        )  # fmt: skip
 
 
 def _matrix_findings(item: Quantity, spool: Spool) -> list[Finding]:
