@@ -275,12 +275,13 @@ def learner_choices(learner: Learner, *, given: Collection[str]) -> dict[str, st
     by = {k: "set by you" if k in given else "the default" for k in ("network", "learner")}
     layers = ",".join(map(str, network.hidden)) or "linear in its weights"
     kind, air = described["network"]["kind"], getattr(network, "air", None)
-    ground = {"ground": "not known to the network, whose error its effect is"}
-    told = "" if "network" in given else "; the first wingbeat"
-    line = {"flow": f"attached, so a lifting line with lags{told}"}
-    return {
-        **(ground if air and air.ground is not None else {}),
-        **(line if getattr(network, "attached", False) else {}),
+    words = dict[str, str]()
+    if air and air.ground is not None:
+        words["ground"] = "not known to the network, whose error its effect is"
+    if getattr(network, "attached", False):
+        told = "" if "network" in given else "; the first wingbeat"
+        words["flow"] = f"attached, so a lifting line with lags{told}"
+    return words | {
         "network": f"{kind}, {layers}, {network.size} weights; {by['network']}",
         "learner": f"{described['kind']}; {by['learner']}",
         **_found_words(described, own=bool(np.isfinite(own_prior(network)).all())),

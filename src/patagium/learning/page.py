@@ -218,17 +218,15 @@ def silent_words(scores: Mapping[str, Any]) -> list[str]:
 
 
 def _remarks(scores: Mapping[str, Any]) -> list[Note]:
-    remarks = [Note(scores["message"])] if scores["message"] else []
-    remarks += map(Note, silent_words(scores))
+    words = [scores["message"]] if scores["message"] else []
+    words += silent_words(scores)
     if scores.get("events"):
         events = ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in scores["events"].items())
-        remarks.append(Note(f"Events of samples: {events}."))
-    if scores["gaps"]:
-        remarks.append(
-            Note(f"{scores['gaps']} gap(s) in time: each ends a hold interval, none is bridged.")
-        )
-    chosen = scores.get("chosen", {})
-    return remarks + [Note(f"{name.capitalize()}: {text}.") for name, text in chosen.items()]
+        words.append(f"Events of samples: {events}.")
+    if gaps := scores["gaps"]:
+        words.append(f"{gaps} gap(s) in time: each ends a hold interval, none is bridged.")
+    chosen = scores.get("chosen", {}).items()
+    return [*map(Note, words), *(Note(f"{name.capitalize()}: {text}.") for name, text in chosen)]
 
 
 def reliability_picture(found: Mapping[str, Mapping[str, float]]) -> Picture:
