@@ -70,6 +70,7 @@ WAYS = (
 """Ways to forecast, the last of them where a model of the robot forecasts the inputs otherwise."""
 LAGS = 4
 """Outputs that linear least squares sees: that at t, and those at times before."""
+_HALVES = ("", "_second_half")  # ends of the names of errors: of the whole run, and of its end
 _RIDGE = 1e-3  # of the mean square of each regressor
 _BEYOND = 30.0  # times its root mean square, beyond which the ridge counts a regressor's last value
 _GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found is looked for anew,
@@ -323,7 +324,7 @@ class ForecastSums:
         self._sums = {
             f"{method}{half}": ErrorSums(len(self._names), scale)
             for method in METHODS
-            for half in ("", "_second_half")
+            for half in _HALVES
         }
         self._taken = np.zeros((len(WAYS), len(self._names)), int)
         self.lead, self.count, self.lost, self.rule = 0, 0, 0, ""
@@ -341,7 +342,7 @@ class ForecastSums:
         if late:
             self._taken[weights.argmax(axis=0), np.arange(len(y))] += 1
         for method, guess in guesses.items():
-            for half in ("", *(("_second_half",) if late else ())):
+            for half in _HALVES[: 1 + late]:
                 self._sums[f"{method}{half}"].add(y[None], guess[None])
 
     def scores(self) -> dict[str, Any]:
@@ -461,8 +462,7 @@ class Forecaster:
         squares = self._squares.at(last)
         if squares is None:
             return None
-        network, weights = self._learner.network, self._learner.weights
-        model = FrozenModel(network, weights, memory)
+        model = FrozenModel(self._learner.network, self._learner.weights, memory)
         period, held = self._inputs.period(last), self._known[last]
         ahead = self._grid(period)
         x, motion = self._motion.path(last, ahead, model), self._motion
@@ -472,7 +472,7 @@ class Forecaster:
         self._sums.rule = motion.rule()
         outputs = self._outputs
         beat = held if period is None else outputs.beat_before(last, self._horizon, period)
-        guess, miss = model.predict(self._time[last] + ahead, x), self._miss(last, period)
+        guess, miss = model.predict(self._time[last] + ahead, x), self._miss(last, period, model)
         ways = [guess, guess + miss, held, self._mean[last], beat, squares]
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, ahead, model)
@@ -485,9 +485,9 @@ class Forecaster:
         count = min(self._lead, max(_STEPS, ceil(self._horizon / longest)))
         return np.asarray(np.arange(1, count + 1) * (self._horizon / count), float)
 
-    def _miss(self, last: int, period: float | None) -> Array:
+    def _miss(self, last: int, period: float | None, model: FrozenModel) -> Array:
         """Error of the network a wingbeat before what is forecast, or now, (n_y,) [unit of y]."""
-        network, weights = self._learner.network, self._learner.weights
+        network, weights, _ = model
         place = begin = last
         if period is not None:
             then = self._time[last] + self._horizon - _whole_beats(self._horizon, period)

@@ -67,8 +67,8 @@ class RobotMotion:
         robot = form.robot
         self._form, self._robot, self._time = form, robot, time
         self.passive = np.array(robot.passive)
-        names = list(network.output_names)
-        self._outputs = np.array([names.index(robot.dof_names[i]) for i in robot.passive])
+        names, outputs = robot.dof_names, network.output_names
+        self._outputs = np.array([outputs.index(names[i]) for i in robot.passive])
         self._moved = list(robot.actuated)
         self._joints = [robot.coordinate_indices[i] for i in robot.actuated]
         self.beating = np.hstack([motion[0][:, self._joints], motion[1][:, self._moved]])

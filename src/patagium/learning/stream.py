@@ -346,8 +346,7 @@ class BlockRun:
         late = begin + np.arange(len(y)) >= (self.reached // 2 if half is None else half)
         scorer.add_predictions(y[span], self.prediction[span], held[span], late[span])
         if self.checks:
-            checked = [one.sample for one in self.checks]
-            error, std = (np.array([one[k] for one in self.checks]) for k in (1, 2))
+            checked, error, std = map(np.array, zip(*self.checks, strict=True))
             scorer.add_checks(error, std, late[checked])
         told = self._told()
         scorer.add_updates(told["innovation"], told["innovation_std"], told["nis"])

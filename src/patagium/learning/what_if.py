@@ -11,9 +11,9 @@ their joint.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve
@@ -42,8 +42,7 @@ _PROMISING, _STEPS = 5, (0.1, 0.03, 0.01)  # numbers to find well; steps over th
 _COARSE = np.linspace(-0.9, 0.9, 7).tolist()  # ... the best of these
 
 
-@dataclass(frozen=True)
-class _Change:
+class _Change(NamedTuple):
     """A log as it would be without a mistake.
 
     Args:
@@ -61,8 +60,7 @@ class _Change:
     known: Indices
 
 
-@dataclass(frozen=True)
-class _Number:
+class _Number(NamedTuple):
     """A number by which a log may be off.
 
     Args:
@@ -294,7 +292,7 @@ def _pairs(robot: Robot, names: Sequence[str]) -> list[tuple[str, str]]:
 def _groups(robot: Robot, joints: Sequence[str]) -> Iterator[tuple[Sequence[str], str]]:
     """Coordinates that may have a wrong sign together, and their name."""
     yield from (([name], name) for name in robot.dof_names)
-    yield from ((pair, f"{pair[0]} and {pair[1]}") for pair in _pairs(robot, joints))
+    yield from ((pair, " and ".join(pair)) for pair in _pairs(robot, joints))
     for side, word in ((1, "left"), (-1, "right")):
         group = [name for name in joints if robot.side(name) == side]
         if len(group) > 1:

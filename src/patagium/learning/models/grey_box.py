@@ -357,9 +357,8 @@ class GreyBox(Network):
         actual = ca.SX(numbers[:whole])
         for k, parameter in enumerate(self.parameters):
             place = self._places.index(parameter.name)
-            moved = theta[k] * numbers[whole + k]
-            value = actual[place] * ca.exp(moved) if parameter.positive else actual[place] + moved
-            actual[place] = value
+            start, moved = actual[place], theta[k] * numbers[whole + k]
+            actual[place] = start * ca.exp(moved) if parameter.positive else start + moved
         return actual
 
     def _physics(self) -> ca.Function:
