@@ -58,8 +58,7 @@ def regular_file(path: str | Path, most: int | None = None) -> Path:
         kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe or device"
         raise Unreadable(path, "", "a regular file", f"{kind}; write it to a file first")
     if most is not None and found.st_size > most:
-        size = f"{found.st_size} bytes"
-        raise Unreadable(path, "", f"at most {most} bytes", size)
+        raise Unreadable(path, "", f"at most {most} bytes", f"{found.st_size} bytes")
     return file
 
 
@@ -134,8 +133,7 @@ def text_of(path: str | Path, most: int) -> str:
     try:
         return bytes_of(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as problem:
-        where = f"byte {problem.start}"
-        raise Unreadable(path, where, "text in UTF-8", "other bytes") from None
+        raise Unreadable(path, f"byte {problem.start}", "text in UTF-8", "other bytes") from None
 
 
 def parsed_json(text: str | bytes, name: str) -> Any:

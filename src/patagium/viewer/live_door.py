@@ -25,14 +25,13 @@ from dataclasses import replace
 from http import HTTPStatus
 from ipaddress import ip_address
 from itertools import chain
-from math import isfinite
 from typing import Any
 
 import msgspec
 from websockets.asyncio import server
 from websockets.http11 import Request, Response
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, is_finite
 
 LARGEST_MESSAGE = 1 << 14
 """Largest message from a page [B]; one of its camera has about 300 B."""
@@ -51,11 +50,6 @@ _MESSAGE: Any = msgspec.msgpack.Decoder(dict[str, str | _Number | list[int | flo
 _LOGGER = logging.getLogger("patagium.live_door")  # its messages go nowhere
 _LOGGER.addHandler(logging.NullHandler())
 _LOGGER.propagate = False
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite number."""
-    return type(value) in (int, float) and isfinite(value)
 
 
 class Door:
@@ -143,7 +137,7 @@ class Door:
         match message:
             case {"type": "ViewerCameraMessage", **numbers}:
                 lists = [k if isinstance(k, list) else [k] for k in numbers.values()]
-                return all(map(is_number, chain(*lists)))
+                return all(map(is_finite, chain(*lists)))
             case {"type": "CommandTriggerMessage", "uuid": str(uuid), **others}:
                 return uuid in self._allowed and not others
             case {"type": "GuiUpdateMessage", "uuid": str(uuid), "updates": updates, **others}:

@@ -86,6 +86,8 @@ class LiveFlight:
         self._start, self._own = start, gait
         self._step, self._view, self._pipeline = time_step, view, pipeline
         self._steering = subject.steering
+        network = subject.network
+        self._feels_added_mass = network is None or not flight_terms(network).added_mass
         self._felt = [robot.index(name) for name in subject.outputs]
         learner = None if pipeline is None else pipeline.learner
         self._feed = Feed(view.letters, subject, learner)
@@ -142,15 +144,15 @@ class LiveFlight:
         command = self._view.command
         if command is None:
             return
-        if bool(command["paused"]) != self._paused:
-            self._paused = bool(command["paused"])
+        if (paused := bool(command["paused"])) != self._paused:
+            self._paused = paused
             self._anchor()
         asked = float(command["frequency"]), float(command["amplitude"])
         steering = self._steering
         if asked != self._asked and steering is not None and steering.allows(*asked):
             self._steer(*asked)
-        if int(command["resets"]) != self._resets:
-            self._resets = int(command["resets"])
+        if (resets := int(command["resets"])) != self._resets:
+            self._resets = resets
             self._begin()
 
     def _steer(self, frequency: float, amplitude: float) -> None:
@@ -175,13 +177,12 @@ class LiveFlight:
         self._done = run.steps
         if self._outcome is not Outcome.COMPLETED:
             self._said = self._simulator.message()
-        fresh = slice(before + 1, run.steps + 1)
-        if run.steps > before:
-            self._flown_for = _running_mean(
-                self._flown_for, (time.thread_time() - began) / (run.steps - before)
-            )
+        if flown := run.steps - before:
+            spent = (time.thread_time() - began) / flown
+            self._flown_for = _running_mean(self._flown_for, spent)
+            fresh = slice(before + 1, run.steps + 1)
             samples = {name: values[fresh] for name, values in run.samples.items()}
-            times = times_of(fresh.start, run.steps - before, self._step)
+            times = times_of(fresh.start, flown, self._step)
             if self._pipeline is None:
                 self._show(times, samples)
             else:
@@ -196,8 +197,7 @@ class LiveFlight:
         """Packets that sensors would have sent, known forces beside the torque in u1."""
         self._strips = samples["strip_force"][-1]
         known = samples["u1"] + samples["mount_force"]
-        network = None if self._pipeline is None else self._pipeline.learner.network
-        if "added_mass_force" in samples and not (network and flight_terms(network).added_mass):
+        if self._feels_added_mass and "added_mass_force" in samples:
             known = known + samples["added_mass_force"]
         return np.column_stack([times, samples["q"], samples["v"], samples["a"], known])
 
@@ -217,9 +217,13 @@ class LiveFlight:
         self._share = max(self._every, math.ceil(self._learned_for / left))
 
     def _post(self) -> None:
-        facts: dict[str, Any] = {"strip_force": self._strips, "share": self._share}
-        facts |= {"paused": self._paused, "ended": self._outcome is not Outcome.COMPLETED}
-        facts["words"] = self._words()
+        facts: dict[str, Any] = {
+            "strip_force": self._strips,
+            "share": self._share,
+            "paused": self._paused,
+            "ended": self._outcome is not Outcome.COMPLETED,
+            "words": self._words(),
+        }
         if self._gait is not None:
             facts["frequency"], facts["amplitude"] = self._gait.command_at(self._simulator.time)
         if self._pipeline is not None:

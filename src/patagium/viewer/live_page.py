@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import viser
@@ -23,13 +23,14 @@ from PIL.ImageColor import getrgb as rgb
 
 from patagium.arrays import Array, Indices
 from patagium.dynamics.dynamics import Poses
+from patagium.errors import is_finite
 from patagium.learning.scores import INTERVAL
 from patagium.report.still import solid_faces
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot
 from patagium.robot.planform import strip_corners
-from patagium.robot.solids import Solid, solids, wing_tips
-from patagium.viewer.live_door import Door, is_number
+from patagium.robot.solids import solids, wing_tips
+from patagium.viewer.live_door import Door
 from patagium.viewer.live_frames import FORCES, Mailbox, Steering, Subject
 from patagium.viewer.predicted_forces import strip_force_network
 from patagium.viewer.replay import center_of_mass, quaternions
@@ -69,7 +70,7 @@ class LivePlots:
         self._trace = np.empty((0, 1 + len(FORCES) * m))
         self._scores = np.empty((0, 3))
         order = [*(k for k in _FIRST if k in subject.outputs), *subject.outputs]
-        self._shown = list(dict.fromkeys(order))[: min(_FORCES, m)]
+        self._shown = list(dict.fromkeys(order))[:_FORCES]
         self._learned = subject.network is not None
         names = ["measured", "predicted", "low", "high"][: 4 if self._learned else 1]
         self._plots = [_plot(gui, self._title(name), names) for name in self._shown]
@@ -115,10 +116,8 @@ class LivePlots:
         return f"Force of the air on {name} [{robot.force_units[robot.index(name)]}]"
 
     def _lines(self, name: str) -> tuple[Array, ...]:
-        k = self._subject.outputs.index(name)
-        m = len(self._subject.outputs)
-        time = self._trace[:, 0]
-        truth, guess, std = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
+        outputs, time = self._subject.outputs, self._trace[:, 0]
+        truth, guess, std = self._trace[:, 1 + outputs.index(name) :: len(outputs)].T
         if self._subject.network is None:
             return time, truth
         known = np.r_[truth, guess]
@@ -143,10 +142,8 @@ def _plot(gui: Any, title: str, names: Sequence[str]) -> Any:
         **dict.fromkeys(("low", "high"), {"stroke": "rgba(213, 94, 0, 0.25)", "width": 1}),
         "95 %": {"stroke": "#7b8894", "width": 1, "dash": (6, 4)},
     }
-    series: list[dict[str, Any]] = [{"label": "t [s]"}]
-    series += [{"label": name, "points": {"show": False}, **looks[name]} for name in names]
-    scales: dict[str, Any] = {"x": {"time": False}}
-    high = _HIGH if names[0] == "measured" else _LOW
+    lines = ({"label": name, "points": {"show": False}, **looks[name]} for name in names)
+    series = {"label": "t [s]"}, *lines
     axis = {"font": "11px sans-serif", "size": 26, "labelFont": "11px sans-serif"}
     axes = (
         {**axis, "label": "t [s]", "labelSize": 15, "labelGap": 0},
@@ -156,14 +153,14 @@ def _plot(gui: Any, title: str, names: Sequence[str]) -> Any:
     start = tuple(np.full(2, np.nan) if k else np.array([0.0, 1.0]) for k in range(len(series)))
     return gui.add_uplot(
         start,
-        tuple(series),
+        series,
         title=title,
-        scales=scales,
+        scales={"x": {"time": False}},
         axes=axes,
         bands=band,
         cursor=_CURSOR,
         legend={"show": False},
-        height=high,
+        height=_HIGH if names[0] == "measured" else _LOW,
         padding=(4, 12, 0, 0),
     )
 
@@ -257,8 +254,8 @@ class LiveScene:
             std: Standard deviation of the total, (3,) [N]; drawn as the ellipsoid whose
                 semi-axes are the 95 % interval of each component.
         """
-        for name, force in (("total", total), ("strip", strips)):
-            self._rescale(name, force)
+        self._rescale("total", total)
+        self._rescale("strip", strips)
         at, color = self._center[None], arrow_rgb(TRUTH if kind == "true" else COLORS[0])
         width = self.reach * (0.013 if kind == "true" else 0.02)
         whole = None if total is None else total[None]
@@ -267,10 +264,9 @@ class LiveScene:
             inside = None if strips is None else strips[carried] @ self._rotation[body]
             name = f"/robot/{self._robot.bodies[body].name}/{kind}"
             self._arrows(name, self._quarter[carried], inside, color, 0.7 * width, "strip")
-        shown = total is not None and std is not None and bool(np.isfinite(std).all())
         if kind == "predicted":
-            self._interval.visible = shown
-        if shown and total is not None and std is not None:
+            self._interval.visible = total is not None and _drawn(std)
+        if total is not None and _drawn(std):
             scale = self.scales.get("total", 0.0)
             self._interval.position = self._center + scale * total
             size = np.maximum(INTERVAL * scale * std, 1e-3 * self.reach)
@@ -290,7 +286,10 @@ class LiveScene:
             scene.add_frame(f"/robot/{body.name}", show_axes=False) for body in self._robot.bodies
         ]
         for number, solid in enumerate(solids(self._robot)):
-            self._add_solid(f"/robot/{self._robot.bodies[solid.body].name}/solid{number}", solid)
+            corners = solid_faces(*solid[1:]).reshape(-1, 3).round(9)
+            points, places = np.unique(corners, axis=0, return_inverse=True)
+            name = f"/robot/{self._robot.bodies[solid.body].name}/solid{number}"
+            scene.add_mesh_simple(name, points, _triangles(places), color=rgb(_BODIES))
         for index, body in enumerate(self._robot.bodies):
             self._add_wing(f"/robot/{body.name}/wing", index)
         self._square = round_down(0.6 * reach)
@@ -324,11 +323,6 @@ class LiveScene:
         self._handles: dict[str, Any] = {}
         self._path: Any = None
 
-    def _add_solid(self, name: str, solid: Solid) -> None:
-        corners = solid_faces(*solid[1:])
-        points, places = np.unique(corners.reshape(-1, 3).round(9), axis=0, return_inverse=True)
-        self._scene.add_mesh_simple(name, points, _triangles(places), color=rgb(_BODIES))
-
     def _add_wing(self, name: str, body: int) -> None:
         """Add the strips of a body to the scene, colored above and below."""
         corners = [strip_corners(strip) for strip in self._robot.strips if strip.body == body]
@@ -355,16 +349,15 @@ class LiveScene:
         """The anchor moves to the robot's path averaged over a wingbeat."""
         passed = time - self._time
         if not 0 <= passed < 5 * self._span:
-            self._anchor = origin.copy()
+            self._anchor = self._before = origin.copy()
             self._velocity = np.zeros(3)
-            self._before = origin.copy()
             return
         share = 1.0 - np.exp(-passed / self._span)
         if passed > 0:
             self._velocity += share * ((origin - self._before) / passed - self._velocity)
             self._before = origin.copy()
-        ahead = origin - (self._anchor + self._velocity * passed)
-        self._anchor = self._anchor + self._velocity * passed + share * ahead
+        moved = self._anchor + self._velocity * passed
+        self._anchor = moved + share * (origin - moved)
 
     def _lay_ground(self, origin: Array) -> None:
         step = self._square
@@ -388,7 +381,7 @@ class LiveScene:
 
     def _rescale(self, kind: str, force: Array | None) -> None:
         """Length of an arrow of one newton [m], rounded so that the recent largest force fits."""
-        if force is None or not _drawn(force):
+        if not _drawn(force):
             return
         now = float(np.linalg.norm(force, axis=-1).max())
         largest = self._largest[kind] = max(now, _FADING * self._largest.get(kind, 0.0))
@@ -407,7 +400,7 @@ class LiveScene:
     ) -> None:
         """Draw arrows of forces, or hide them where no force is known."""
         handle = self._handles.get(name)
-        if force is None or not _drawn(force):
+        if not _drawn(force):
             if handle is not None:
                 handle.visible = False
             return
@@ -430,8 +423,8 @@ def _triangles(places: Indices) -> Indices:
     return places.reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 
 
-def _drawn(force: Array) -> bool:
-    return bool(force.size) and bool(np.isfinite(force).all())
+def _drawn(force: Array | None) -> TypeGuard[Array]:
+    return force is not None and force.size > 0 and bool(np.isfinite(force).all())
 
 
 _NUMBERS = 0.2  # s between two looks at the numbers
@@ -569,12 +562,11 @@ class LivePage:
                 hint="Of the gait's own excursions about their mean.",
             )
         with gui.add_folder("Flight", order=11):
-            pause = gui.add_button("Pause (space)", icon=viser.Icon.PLAYER_PAUSE)
+            pause = self._pause = gui.add_button("Pause (space)", icon=viser.Icon.PLAYER_PAUSE)
             reset = gui.add_button("Fly again from the start (R)", icon=viser.Icon.REFRESH)
         allow, first = self._door.allow, steering.frequency
-        allow(beat, lambda value: is_number(value) and steering.allows(value, 1.0))
-        allow(size, lambda value: is_number(value) and steering.allows(first, 0.01 * value))
-        self._pause = pause
+        allow(beat, lambda value: is_finite(value) and steering.allows(value, 1.0))
+        allow(size, lambda value: is_finite(value) and steering.allows(first, 0.01 * value))
         self._asked["frequency"] = steering.frequency
         beat.on_update(lambda _: self._ask("frequency", float(beat.value)))
         size.on_update(lambda _: self._ask("amplitude", 0.01 * float(size.value)))

@@ -83,17 +83,17 @@ def predict_flight(
     return replace(kept, strips=strips, words=words)
 
 
-def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> None:
+def _check_forces(
+    flight: xr.Dataset, robot: Robot, result: Identification, names: Sequence[str]
+) -> None:
     """Refuse an identification whose measured forces are not those of a flight."""
-    record, known = result.prediction, {*robot.dof_names}
-    names = [str(name) for name in record["output"].values]
-    if other := [name for name in names if name not in known]:
+    if other := [name for name in names if name not in robot.dof_names]:
         expected = f"forces of coordinates of {robot.name}"
         raise LogError("predictions", expected, ", ".join(other))
     if {*result.scores.get("parameter_value", ())} & {*robot.parameter_names}:
         return  # the forces are those by other numbers of the robot
     columns = [robot.dof_names.index(name) for name in names]
-    measured = stored(record, "measurement", "time", "output")
+    measured = stored(result.prediction, "measurement", "time", "output")
     most = 1e-3 * np.linalg.norm(np.nan_to_num(measured)) + 1e-9  # N, N m: rounding
     own = (training_data(flight, robot, with_added_mass=carried)[2] for carried in (False, True))
     errors = (np.linalg.norm(np.nan_to_num(measured - one[:, columns])) for one in own)
@@ -112,8 +112,8 @@ def _from_identification(
         span = f"{time.size} samples over {time[-1] - time[0]:g} s"
         other = f"{found.size} samples over {found[-1] - found[0]:g} s"
         raise LogError("predictions", f"those of this flight ({span})", other)
-    _check_forces(flight, robot, result)
-    names = tuple(str(name) for name in record["output"].values)
+    names = tuple(map(str, record["output"].values))
+    _check_forces(flight, robot, result, names)
     values = stored(record, "prediction", "time", "output")[frames]
     checks = stored(record, "check_time")
     kept = stored(record, "predicted_std", "check_time", "output")

@@ -359,7 +359,7 @@ def _arrows(
         raise FlightError(f"flight: expected aero_force (time, dof), but it holds {there}")
     position, rotation = poses
     center = center_of_mass(robot, position, rotation)
-    held = (floating_body(robot) or (0, None))[0]
+    held, floating = floating_body(robot) or (0, None)
     known = stored(shown, "q"), rotation[:, held], center - position[:, held]
     air = stored(shown, "aero_force", "time", "dof")
     whole = total_force(robot, robot.dof_names, air, *known)
@@ -376,9 +376,8 @@ def _arrows(
     told = std = None
     if prediction is not None:
         told = total_force(robot, prediction.names, prediction.generalized, *known)
-        floating = robot.floating_dofs if floating_body(robot) else ()
-        if floating and prediction.std is not None:
-            along = [robot.dof_names[k] for k in floating[:3]]
+        if floating is not None and prediction.std is not None:
+            along = [robot.dof_names[k] for k in robot.floating_dofs[:3]]
             std = _columns(prediction.names, along, prediction.std)
     if told is None and guess is not None:
         told = guess.sum(axis=1), None
