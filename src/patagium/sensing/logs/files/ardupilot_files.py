@@ -162,8 +162,6 @@ class _Formats(dict[int, Any]):
 
 def _layout(found: Any) -> np.dtype[Any]:
     """Layout of the numbers of a message, from the format that the log gives."""
-    import struct
-
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
     fields: list[Any] = []
@@ -172,8 +170,7 @@ def _layout(found: Any) -> np.dtype[Any]:
         if code == _ARRAY:
             fields.append((name, "<i2", (_ARRAY_SIZE,)))
         else:
-            size = struct.calcsize(f"<{stored}")
-            fields.append((name, f"S{size}" if code in _TEXT else f"<{stored}"))
+            fields.append((name, f"S{stored[:-1]}" if code in _TEXT else f"<{stored}"))
     return np.dtype(fields)
 
 

@@ -374,12 +374,11 @@ def _groups(lines: Sequence[str], separator: str, names: Sequence[str]) -> list[
             near = said[k] == said[k - 1] or not plain[k]
             cells[k] = cells[k] or cells[k - 1] * near
         said = [f"{one} {cell}".strip() for one, cell in zip(said, cells, strict=True)]
-    groups: dict[str, list[str]] = {}
+    groups = defaultdict[str, list[str]](list)
     for one, words in zip(held, said, strict=True):
-        groups.setdefault(words, []).append(one)
-    groups.pop("", None)
-    told = [(words, ones) for words, ones in groups.items() if repeated.intersection(ones)]
-    return [f"{', '.join(ones)}: {words!r}" for words, ones in told]
+        groups[words].append(one)
+    told = [words for words, ones in groups.items() if words and repeated.intersection(ones)]
+    return [f"{', '.join(groups[words])}: {words!r}" for words in told]
 
 
 def _separator(line: str) -> str:
@@ -576,15 +575,15 @@ class CsvFile(_RowsFile):
             self.notes.append(f"line {head + 2} is taken for the units of the columns")
         if not self._is_gzip() and not _ends_with_line(path):
             self.notes.append("the last line has no end: it may be cut off")
-        look = "".join(lines[self._skip + made :])
-        rows = [_cells(line, self._separator) for line in lines[self._skip + made :]]
+        look = lines[self._skip + made :]
+        rows = [_cells(line, self._separator) for line in look]
         self._decimal = "," if self._separator != "," and _comma_decimal(rows) else "."
         self._commas = list(self._names) if self._decimal == "," else []
         self._numbers: list[str] = []
         self._days: dict[str, tuple[Any, int]] = {}
         stated = dict(zip(self._names, units or (), strict=False))
         try:
-            topic = self._table(look, stated)
+            topic = self._table("".join(look), stated)
         except LogError as problem:  # which `inspect` lists
             reason = str(problem).removeprefix(f"{path}: ")
             topic = Topic("", "table", None, {}, StampSource("rows"), reason)
@@ -680,12 +679,10 @@ class CsvFile(_RowsFile):
             column = frames[0][name]
             if re.fullmatch(r"(\.\d+)?", name) and column.isna().all():
                 continue  # a separator at the end of each line
-            numeric = name in commas or _numeric(column)
-            size = 0 if numeric else _list_size(column)
-            if numeric:
+            if name in commas or _numeric(column):
                 self._numbers.append(name)
                 types[name] = "float64" if name in commas else str(column.dtype)
-            elif size:
+            elif size := _list_size(column):
                 plain, unit = _parted(name)
                 entries = self._entries(name, plain, size)
                 types |= dict.fromkeys(entries, "list")
