@@ -53,11 +53,11 @@ def film(
         OutputError: If the file cannot be written.
     """
     kind = Path(path).suffix.lower()
-    if kind not in (".gif", ".mp4"):
+    write = {".gif": _write_gif, ".mp4": _write_mp4}.get(kind)
+    if write is None:
         raise ParameterError("film", "a name ending in .gif or .mp4", Path(path).name)
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise ParameterError("film", ".gif, or patagium[film] for .mp4", "no imageio-ffmpeg")
-    write = _write_gif if kind == ".gif" else _write_mp4
     shown = replay_content(flight, predicted, None, start, end)
     with whole_file(path) as draft:
         write(draft, _pictures(shown, progress))

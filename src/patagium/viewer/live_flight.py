@@ -163,8 +163,7 @@ class LiveFlight:
         """Number of steps by which the flight is behind the clock."""
         if self._outcome is not Outcome.COMPLETED or self._paused:
             return 0
-        now, flown = time.monotonic(), self._simulator.time
-        behind = self._from + now - self._clock - flown
+        behind = self._from + time.monotonic() - self._clock - self._simulator.time
         if behind > _BEHIND:
             self._anchor()
         return int(min(behind, LONGEST) / self._step)

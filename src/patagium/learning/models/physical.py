@@ -27,31 +27,35 @@ from patagium.robot.model import Robot
 FACTOR = "added_mass.factor"
 WIND = ("wind.x", "wind.y", "wind.z")
 
-_POSITIVE = {
-    "density": "kg/m^3",
-    "lift_slope": "1/rad",
-    **dict.fromkeys(("stall_begins", "stall_complete", "stall_angle"), "rad"),
-    **dict.fromkeys(("stall_width", "memory"), "rad"),
-    "rate": "1/semichord",
-    **dict.fromkeys(("pressure", "separation", "vortex"), "semichords"),
-    **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag", "induced_factor"), "1"),
-    **dict.fromkeys(("suction_efficiency", "surface_constant", "factor", "exponent"), "1"),
-    "apparent_mass": "1",
-    **dict.fromkeys(("chord", "width", "reference_height", "roughness"), "m"),
-    "mass": "kg",
-    **dict.fromkeys(("xx", "yy", "zz"), "kg m^2"),
-    "gravity": "m/s^2",
-    "viscosity": "m^2/s",
-    "damping": "N s/m or N m s",
-    "stiffness": "N/m or N m/rad",
-}
-_SIGNED = {
-    **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase", "angle"), "rad"),
-    **dict.fromkeys(("xy", "xz", "yz"), "kg m^2"),
-    "ground": "m",
-    "rest": "m or rad",
-}
-_VECTORS = {"position": "m", "center_of_mass": "m", "quarter_chord": "m", "wind": "m/s"}
+
+def _units(named: Mapping[str, str]) -> dict[str, str]:
+    """Unit of each name, from names by unit."""
+    return {name: unit for unit, names in named.items() for name in names.split()}
+
+
+_POSITIVE = _units({
+    "kg/m^3": "density",
+    "1/rad": "lift_slope",
+    "rad": "stall_begins stall_complete stall_angle stall_width memory",
+    "1/semichord": "rate",
+    "semichords": "pressure separation vortex",
+    "1": "profile_drag friction_drag crossflow_drag induced_factor suction_efficiency "
+    "surface_constant factor exponent apparent_mass",
+    "m": "chord width reference_height roughness",
+    "kg": "mass",
+    "kg m^2": "xx yy zz",
+    "m/s^2": "gravity",
+    "m^2/s": "viscosity",
+    "N s/m or N m s": "damping",
+    "N/m or N m/rad": "stiffness",
+})  # fmt: skip
+_SIGNED = _units({
+    "rad": "zero_lift_angle lift_phase drag_phase angle",
+    "kg m^2": "xy xz yz",
+    "m": "ground",
+    "m or rad": "rest",
+})  # fmt: skip
+_VECTORS = _units({"m": "position center_of_mass quarter_chord", "m/s": "wind"})
 _PLAIN = {"1": "", "1/semichord": "", "semichords": ""}
 
 
