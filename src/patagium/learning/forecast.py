@@ -317,9 +317,7 @@ class ForecastSums:
         scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
     """
 
-    def __init__(
-        self, label: str, seconds: float, names: Sequence[str], scale: ArrayLike = 1.0
-    ) -> None:
+    def __init__(self, label: str, seconds: float, names: Sequence[str], scale: ArrayLike) -> None:
         self.label, self.seconds, self._names = label, seconds, tuple(names)
         self._sums = {
             f"{method}{half}": ErrorSums(len(self._names), scale)
@@ -465,6 +463,7 @@ class Forecaster:
         model = FrozenModel(self._learner.network, self._learner.weights, memory)
         period, held = self._inputs.period(last), self._known[last]
         ahead = self._grid(period)
+        times = self._time[last] + ahead
         x, motion = self._motion.path(last, ahead, model), self._motion
         if not np.isfinite(x).all():
             self._sums.lost += last in self._counted
@@ -472,11 +471,11 @@ class Forecaster:
         self._sums.rule = motion.rule()
         outputs = self._outputs
         beat = held if period is None else outputs.beat_before(last, self._horizon, period)
-        guess, miss = model.predict(self._time[last] + ahead, x), self._miss(last, period, model)
+        guess, miss = model.predict(times, x), self._miss(last, period, model)
         ways = [guess, guess + miss, held, self._mean[last], beat, squares]
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, ahead, model)
-            ways.append(model.predict(self._time[last] + ahead, repeated) + miss)
+            ways.append(model.predict(times, repeated) + miss)
         return np.where(np.isfinite(ways), ways, held)
 
     def _grid(self, period: float | None) -> Array:

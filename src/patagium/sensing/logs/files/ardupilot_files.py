@@ -116,7 +116,7 @@ class ArdupilotFile(ColumnsFile):
         for name, factor in zip(found.columns, found.msg_mults, strict=False):
             values = rows[name]
             if values.ndim > 1:
-                columns.update({f"{name}[{k}]": values[:, k] for k in range(values.shape[1])})
+                columns |= {f"{name}[{k}]": values[:, k] for k in range(values.shape[1])}
             elif values.dtype.kind != "S":
                 columns[name] = values if factor is None else values / (1.0 / factor)
         return columns

@@ -114,8 +114,7 @@ def _parts(path: Path) -> list[Path]:
     if path / "metadata.yaml" in files:
         return [path]
     for ending in _PARTED:
-        found = [one for one in files if one.suffix == ending]
-        if found:
+        if found := [one for one in files if one.suffix == ending]:
             return found
     raise LogError(f"{path}: expected a bag's folder, or one with .bag, .mcap or .db3 files")
 

@@ -77,10 +77,9 @@ _SUFFIXES = {
 def table_topic(
     columns: Mapping[str, str],
     count: int | None,
-    units: Mapping[str, str] | None = None,
-    *,
+    units: Mapping[str, str],
+    unplaced: Mapping[str, str],
     rows: Mapping[str, int] | None = None,
-    unplaced: Mapping[str, str] | None = None,
 ) -> Topic:
     """Topic of a table.
 
@@ -89,26 +88,27 @@ def table_topic(
             that holds calendar time.
         count: Number of rows, if known.
         units: Units that the file states.
-        rows: Number of rows of each column, where columns differ in length.
         unplaced: Content that is not read, with the reason.
+        rows: Number of rows of each column, where columns differ in length.
     """
-    channels, aliases, pairs = {}, {}, stamp_pairs(columns, rows or {})
+    rows = rows or {}
+    channels, aliases, pairs = {}, {}, stamp_pairs(columns, rows)
     parts = {one: f"it is a part of the stamps {name!r}" for name in pairs for one in pairs[name]}
     for column, dtype in [*dict.fromkeys(pairs, "timestamp").items(), *columns.items()]:
         if column in parts:
             continue
         plain = column.lstrip("#%").strip()
         short, unit = _parted(plain)
-        unit = (units or {}).get(column) or unit
+        unit = units.get(column) or unit
         unit = (unit_of_suffix(f"{short}_g") or unit) if unit == "g" else unit
-        own = (rows or {}).get(pairs.get(column, (column,))[0])
+        own = rows.get(pairs.get(column, (column,))[0])
         channels[column] = Channel(column, dtype, unit or unit_of_suffix(plain), own)
         if plain != column:
             aliases[plain] = column
         if short != plain:
             aliases.setdefault(short, column)
     base, guess = guessed_base(channels)
-    parts |= unplaced or {}
+    parts |= unplaced
     return Topic("", "table", count, channels, base, aliases=aliases, guess=guess, unplaced=parts)
 
 
@@ -694,7 +694,7 @@ class CsvFile(_RowsFile):
                 words = [word for word in column if isinstance(word, str)]
                 found = next((word for word in words if not _is_number(word)), "")
                 unplaced[name] = f"text such as {found[:40]!r}"
-        topic = table_topic(types, None, stated, unplaced=unplaced)
+        topic = table_topic(types, None, stated, unplaced)
         self._pairs = stamp_pairs(types, {})
         hint = (
             "if these are no names, state the lines before the names as `skip_rows` in the mapping"
@@ -865,7 +865,7 @@ class ParquetFile(_RowsFile):
                     unplaced[name] = f"of type {kind}, no numbers"
         count = int(self._file.metadata.num_rows)
         self._pairs = stamp_pairs(found, {})
-        self.topics = {"": table_topic(found, count, units, unplaced=unplaced)}
+        self.topics = {"": table_topic(found, count, units, unplaced)}
 
     def close(self) -> None:
         """Close the file."""
@@ -941,7 +941,7 @@ class _HeldFile(ColumnsFile):
         types = {name: str(column.dtype) for name, column in columns.items()}
         most = lengths.most_common(1)[0][0]
         own = {name: len(column) for name, column in columns.items() if len(lengths) > 1}
-        topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
+        topic = table_topic(types, most, units, unplaced, own)
         for name, both in stamp_pairs(types, own).items():
             columns[name] = _joined([columns[one] for one in both], name, str(self.path), 0)
         self.topics, self._tables = {"": topic}, {"": columns}
