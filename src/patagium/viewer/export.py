@@ -109,14 +109,15 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         OutputError: If the file cannot be written.
     """
     target = Path(path)
+    ending = target.suffix.lower()
     kinds = {
         ".mcap": ("mcap.writer", "export", _write_mcap),
         ".rrd": ("rerun", "rerun", _write_rerun),
     }
-    if target.suffix.lower() not in kinds:
+    if ending not in kinds:
         table = "a table, in Python: flight.q.to_pandas().to_csv('q.csv')"
         raise ParameterError("out", f"a file of the kind .mcap or .rrd ({table})", target.name)
-    package, extra, write = kinds[target.suffix.lower()]
+    package, extra, write = kinds[ending]
     try:
         library = import_module(package)
     except ImportError:
@@ -152,8 +153,7 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
     with path.open("wb") as file:
         writer = library.Writer(file)
         writer.start(library=f"patagium {__version__}")
-        about = {name: str(value) for name, value in record.attrs.items()}
-        writer.add_metadata("patagium", about)
+        writer.add_metadata("patagium", {name: str(one) for name, one in record.attrs.items()})
         streams = []
         for one in topics:
             named = zip(one.labels, one.units, strict=True)

@@ -634,13 +634,13 @@ class McapFile(_Recording):
         self.topics = topics = dict[str, Topic]()
         for path in self._parts:
             for schema, channel, message in self._records(path, None, counts):
-                known = topics.get(channel.topic)
-                encoding = channel.message_encoding
-                if known is None or (_is_open(known, encoding) and looked[channel.topic] < _FIRST):
+                name, encoding = channel.topic, channel.message_encoding
+                known = topics.get(name)
+                if known is None or (_is_open(known, encoding) and looked[name] < _FIRST):
                     kind = schema.name if schema is not None else encoding
                     decode = partial(self._decoded, schema, channel, message)
-                    looked[channel.topic] += 1
-                    topics[channel.topic] = message_topic(channel.topic, kind, None, decode, known)
+                    looked[name] += 1
+                    topics[name] = message_topic(name, kind, None, decode, known)
         for name in counts:
             topics.setdefault(name, unreadable_topic(name, "", 0, NO_MESSAGE))
         return {name: replace(topics[name], count=counts[name]) for name in sorted(topics)}
