@@ -317,7 +317,9 @@ class ForecastSums:
         scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
     """
 
-    def __init__(self, label: str, seconds: float, names: Sequence[str], scale: ArrayLike) -> None:
+    def __init__(
+        self, label: str, seconds: float, names: Sequence[str], scale: ArrayLike = 1.0
+    ) -> None:
         self.label, self.seconds, self._names = label, seconds, tuple(names)
         self._sums = {
             f"{method}{half}": ErrorSums(len(self._names), scale)
