@@ -83,8 +83,7 @@ class DenseNetwork(PerceptronNetwork):
     def encode(self, x: Array) -> Encoding:
         """Features, (N, 1, n_f), and the output scales as a readout."""
         readout = np.broadcast_to(self._readout, (len(x), *self._readout.shape))
-        seen = (x - self.input_center) / self.input_scale
-        return Encoding(seen[:, None, :], readout, self.offset)
+        return Encoding(self._seen(x)[:, None, :], readout, self.offset)
 
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of the compiled encoder and its constants; None without a compiler."""
@@ -108,6 +107,10 @@ class DenseNetwork(PerceptronNetwork):
             **{name: getattr(self, name).tolist() for name in SCALES},
             **({"inputs_jump": True} if self.inputs_jump else {}),
         }
+
+    def _seen(self, x: Array) -> Array:
+        """Scaled inputs, (N, n_x)."""
+        return (x - self.input_center) / self.input_scale
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> DenseNetwork:
