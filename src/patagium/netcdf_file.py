@@ -215,13 +215,16 @@ def netcdf_content(path: str | Path, error: type[PatagiumError], expected: str) 
         raise error(f"{path}: expected {expected}, found {said}") from problem
 
 
-def loaded_dataset(path: str | Path, error: type[PatagiumError], expected: str) -> xr.Dataset:
-    """Whole netCDF file but its groups in memory, closed, nothing kept of how it was stored.
+def loaded_dataset(
+    path: str | Path, error: type[PatagiumError], expected: str, group: str | None = None
+) -> xr.Dataset:
+    """Whole netCDF file or group in memory, the file closed, nothing kept of how it was stored.
 
     Args:
         path: The file.
         error: Kind of the error.
         expected: Noun of what the file should hold, with its article.
+        group: Group in the file; None: all outside of groups.
 
     Raises:
         PatagiumError: Of the kind `error`, if the file cannot be read, would take far more memory
@@ -231,7 +234,8 @@ def loaded_dataset(path: str | Path, error: type[PatagiumError], expected: str) 
 
     with netcdf_content(path, error, expected):
         file = _undamaged(path)
-        with xr.open_dataset(file, engine="netcdf4", decode_times=False) as opened:
+        options = {"group": group, "engine": "netcdf4", "decode_times": False}
+        with xr.open_dataset(file, **options) as opened:  # type: ignore[arg-type]
             most = min(_GROWTH * file.stat().st_size + _SPARE, free_memory() // 2)
             if opened.nbytes > most:
                 found = f"{in_bytes(opened.nbytes)}; cut it, as with ncks -d time,0,1000000"
