@@ -142,8 +142,7 @@ class _Fit(NamedTuple):
         """Inputs of the network, (N, n_x), and whether a sample is used, (N,)."""
         log = self.log
         rows = network_inputs(self.learner.network, weights, log.time, log.x, log.gaps)
-        used: Bools = np.isfinite(log.y).any(axis=1)
-        return rows, used
+        return rows, np.asarray(np.isfinite(log.y).any(axis=1))
 
 
 def _prior(learner: FilterLearner, before: Model | None) -> tuple[Array, Array]:
