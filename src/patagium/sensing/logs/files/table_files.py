@@ -77,9 +77,10 @@ _SUFFIXES = {
 def table_topic(
     columns: Mapping[str, str],
     count: int | None,
-    units: Mapping[str, str],
-    unplaced: Mapping[str, str],
+    units: Mapping[str, str] | None = None,
+    *,
     rows: Mapping[str, int] | None = None,
+    unplaced: Mapping[str, str] | None = None,
 ) -> Topic:
     """Topic of a table.
 
@@ -88,8 +89,8 @@ def table_topic(
             that holds calendar time.
         count: Number of rows, if known.
         units: Units that the file states.
-        unplaced: Content that is not read, with the reason.
         rows: Number of rows of each column, where columns differ in length.
+        unplaced: Content that is not read, with the reason.
     """
     rows = rows or {}
     channels, aliases, pairs = {}, {}, stamp_pairs(columns, rows)
@@ -99,7 +100,7 @@ def table_topic(
             continue
         plain = column.lstrip("#%").strip()
         short, unit = _parted(plain)
-        unit = units.get(column) or unit
+        unit = (units or {}).get(column) or unit
         unit = (unit_of_suffix(f"{short}_g") or unit) if unit == "g" else unit
         own = rows.get(pairs.get(column, (column,))[0])
         channels[column] = Channel(column, dtype, unit or unit_of_suffix(plain), own)
@@ -108,7 +109,7 @@ def table_topic(
         if short != plain:
             aliases.setdefault(short, column)
     base, guess = guessed_base(channels)
-    parts |= unplaced
+    parts |= unplaced or {}
     return Topic("", "table", count, channels, base, aliases=aliases, guess=guess, unplaced=parts)
 
 
@@ -694,7 +695,7 @@ class CsvFile(_RowsFile):
                 words = [word for word in column if isinstance(word, str)]
                 found = next((word for word in words if not _is_number(word)), "")
                 unplaced[name] = f"text such as {found[:40]!r}"
-        topic = table_topic(types, None, stated, unplaced)
+        topic = table_topic(types, None, stated, unplaced=unplaced)
         self._pairs = stamp_pairs(types, {})
         hint = (
             "if these are no names, state the lines before the names as `skip_rows` in the mapping"
@@ -865,7 +866,7 @@ class ParquetFile(_RowsFile):
                     unplaced[name] = f"of type {kind}, no numbers"
         count = int(self._file.metadata.num_rows)
         self._pairs = stamp_pairs(found, {})
-        self.topics = {"": table_topic(found, count, units, unplaced)}
+        self.topics = {"": table_topic(found, count, units, unplaced=unplaced)}
 
     def close(self) -> None:
         """Close the file."""
@@ -941,7 +942,7 @@ class _HeldFile(ColumnsFile):
         types = {name: str(column.dtype) for name, column in columns.items()}
         most = lengths.most_common(1)[0][0]
         own = {name: len(column) for name, column in columns.items() if len(lengths) > 1}
-        topic = table_topic(types, most, units, unplaced, own)
+        topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
         for name, both in stamp_pairs(types, own).items():
             columns[name] = _joined([columns[one] for one in both], name, str(self.path), 0)
         self.topics, self._tables = {"": topic}, {"": columns}
