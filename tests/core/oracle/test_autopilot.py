@@ -248,7 +248,7 @@ def test_a_loop_goes_on_after_a_gap(orbit, log):
 
 
 def test_a_clock_that_is_set_ahead_costs_a_moment(orbit, log):
-    """The estimate was extrapolated by the jump: commands were made of 1e70 m."""
+    """The estimate was extrapolated over the jump, to positions of 1e70 m."""
     tracker, late = tracked(orbit, [], 0, True, log), {CAMERA.name: CAMERA.delay}
     samples = [
         (name, stamp, stamp - late.get(name, 0.0), row) for name, stamp, row in log.samples()

@@ -680,7 +680,7 @@ def test_samples_of_the_rate_of_the_time_base_are_taken_as_they_are(tmp_path: Pa
 def test_a_second_clock_has_a_unit_of_its_own(
     unit: str, scale: float, begin: int, tmp_path: Path
 ) -> None:
-    """Stamps in ms beside others in s stretched the log 1000 times; those in ns were refused."""
+    """A second clock in ms made the log 1000 times too long; one in ns was refused."""
     from scipy.io import savemat
 
     time, late = np.arange(0, 2, 0.002), np.arange(0, 1.5, 0.01)

@@ -123,7 +123,7 @@ def test_a_gyroscope_at_rest_is_asked_for_degrees_alone(tmp_path: Path) -> None:
 def test_fast_rates_of_joints_are_no_doubt_about_their_unit(
     frequency: float, tmp_path: Path
 ) -> None:
-    """Any joint of more than 40 rad/s was asked for deg/s, whatever the angle beside it did."""
+    """A right rate above 40 rad/s was suspected of deg/s, though the angle changed as fast."""
     time, w = np.arange(2000) / (100 * frequency), 2 * np.pi * frequency
     table = {"t": time, "q": np.sin(w * time), "v": w * np.cos(w * time), "l": np.cos(time)}
     pd.DataFrame(table | {"wrong": np.degrees(table["v"])}).to_csv(tmp_path / "it.csv")

@@ -672,7 +672,7 @@ def test_a_name_near_a_gait_parameter_is_answered_by_one_that_trim_takes(aerobat
 
 
 def test_an_orbit_beyond_the_limits_of_a_passive_joint_is_not_handed_over():
-    """It was, and could not be flown: wings turned by 33 deg on hinges that turn by 3."""
+    """Such an orbit was returned: wings turned by 33 deg on hinges limited to 3 deg."""
     free = pt.trim(load_robot_text(SPRUNG))
     turned = np.degrees(free.flight(beats=1).q.sel(dof="left_feather"))
     found = pt.trim(load_robot_text(SPRUNG.replace("[-45 deg, 45 deg]", "[-3 deg, 3 deg]")))

@@ -151,7 +151,7 @@ def test_a_device_is_written_to_and_stays(tmp_path: Path) -> None:
 
 
 def test_a_device_is_not_locked() -> None:
-    """A lock was laid beside it, in /dev, which few may write."""
+    """A lock file was made in /dev, where most users may not write."""
     with locked("/dev/null"), locked("/dev/null"):
         assert not Path("/dev/.null.lock").exists()
 

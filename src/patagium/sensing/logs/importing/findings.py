@@ -386,7 +386,7 @@ def _marks(values: Array) -> Iterator[tuple[str, str]]:
 
 
 def _wraps(values: Array) -> int:
-    """Number of steps beyond half of the range, if most of them go against those beside them."""
+    """Number of steps beyond half of the range, if most are opposite to the steps around them."""
     steps = np.diff(values)
     far = np.flatnonzero(np.abs(steps[1:-1]) > 0.5 * np.ptp(values)) + 1
     against = (steps[far] * steps[far - 1] < 0) & (steps[far] * steps[far + 1] < 0)
