@@ -21,11 +21,12 @@ from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.reading import made_again
 from patagium.robot import Robot
-from patagium.simulation.cycles import air_velocity
+from patagium.simulation.cycles import air_velocity, beat_means, flight_between
 from patagium.simulation.flight import aero_of, aero_words
 
 LARGEST_COEFFICIENT = 4.0
@@ -40,13 +41,13 @@ NEAREST, LOOKS = 0.5, 200
 """Distance over the chord within which wings clap [1]; samples of a flight that are looked at."""
 
 
-def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[str]:
+def air_findings(robot: Robot, flight: xr.Dataset, ends: Array | None) -> list[str]:
     """Sentences about forces of the air that are physically impossible, with strip and time.
 
     Args:
         robot: The machine.
         flight: The flight.
-        beats: Samples of whole wingbeats, ends included; None where the gait has no period.
+        ends: Ends of whole wingbeats, (cycles + 1,) [s]; None where the gait has no period.
     """
     told = str(flight.attrs.get("aero", "{}"))
     air = innermost(aero_words(flight)).get("air")
@@ -55,12 +56,13 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     with made_again("the flight's air", FlightError):
         ground = air.get("ground")
         density, ground = float(air["density"]), ground and float(ground)
-    found = [] if beats is None or air.get("gust") else [*_power(flight, beats)]
+    whole = flight["time"].to_numpy()[[0, -1]] if ends is None else ends
+    part = flight_between(flight, whole)
+    found = [] if ends is None or air.get("gust") else [*_power(part)]
     found += [*_coefficient(robot, flight, density), *_downwash(flight)]
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
-    part = flight if beats is None else flight.isel(time=beats)
-    found += _descent(robot, part) if f'"{Inflow.name}"' in told else []
+    found += _descent(robot, part, whole) if f'"{Inflow.name}"' in told else []
     return [*found, *_clap(robot, part), *_slow(flight), *_ground(flight, ground)]
 
 
@@ -68,23 +70,23 @@ def _at(flight: xr.Dataset, sample: int | np.integer[Any]) -> str:
     return f"{float(flight['time'][sample]):.3g} s"
 
 
-def _power(flight: xr.Dataset, beats: slice) -> Iterator[str]:
+def _power(flight: xr.Dataset) -> Iterator[str]:
     """Sentence about still air that gives power to the wings."""
-    time, wind = flight["time"].to_numpy()[beats], flight["wind"].to_numpy()[beats]
+    time, wind = flight["time"].to_numpy(), flight["wind"].to_numpy()
     if time.size < 3:
         return
     if not wind.any():
-        steps = np.diff((flight["air_work"] + flight["added_mass_work"]).to_numpy()[beats])
+        steps = np.diff((flight["air_work"] + flight["added_mass_work"]).to_numpy())
     elif flight["added_mass_work"].any():
         return  # circulation's share of it is not recorded relative to the wind
     else:
-        power = flight["aero_power"].to_numpy()[beats]
+        power = flight["aero_power"].to_numpy()
         steps = np.diff(time) * (power[1:] + power[:-1]) / 2
     given = float(steps.sum())
     if given <= NO_POWER * np.abs(steps).sum():
         return
-    moving = np.gradient(flight["strip_point"].to_numpy()[beats], time, axis=0) - wind[:, None]
-    of_strips = (flight["strip_force"].to_numpy()[beats] * moving).sum(-1).mean(0)
+    moving = np.gradient(flight["strip_point"].to_numpy(), time, axis=0) - wind[:, None]
+    of_strips = (flight["strip_force"].to_numpy() * moving).sum(-1).mean(0)
     most, span = int(of_strips.argmax()), time[-1] - time[0]
     yield (
         f"Still air gives the wings {given / span:.2g} W on average from {time[0]:.3g} to "
@@ -124,18 +126,20 @@ def _downwash(flight: xr.Dataset) -> Iterator[str]:
         )
 
 
-def _descent(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
+def _descent(robot: Robot, flight: xr.Dataset, ends: Array) -> Iterator[str]:
     """Sentence about wings that sink into the air that they throw down, against its inflow."""
-    states = flight["aero_state"].to_numpy().mean(axis=0)
-    moving = air_velocity(flight, robot).mean(axis=0)
+    time = flight["time"].to_numpy()
+    states = beat_means(flight["aero_state"].to_numpy(), time, ends)
+    moving = beat_means(air_velocity(flight, robot), time, ends)
     for k, name in enumerate(aero_of(flight).state_names):
         if not re.fullmatch(r"induced (\d+ )?velocity of x", name):
             continue
-        induced = states[k : k + 3]
-        size = float(np.linalg.norm(induced))
-        sinking = float(moving @ induced) / max(size, SWITCH_SPEED)
+        induced = states[:, k : k + 3]
+        sizes = np.linalg.norm(induced, axis=1)
+        along = (moving * induced).sum(1) / np.maximum(sizes, SWITCH_SPEED)
+        size, sinking = float(sizes.mean()), float(along.mean())
         least, most = (share * size for share in VORTEX_RING)
-        if least < sinking < most and moving @ moving - sinking**2 < size**2:
+        if least < sinking < most and (moving**2).sum(1).mean() - sinking**2 < size**2:
             yield (
                 f"It sinks at {sinking:.2g} m/s into air that its wings drive down at {size:.2g} "
                 f"m/s: from {least:.2g} to {most:.2g} m/s they work in a vortex ring, where the "

@@ -71,14 +71,12 @@ def cycle_statistics(
     count, phase = len(ends) - 1, np.arange(phases) / phases
     beat = beat if steered is None else float(ends[-1] - ends[0]) / count
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
-    counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
-    through = air_velocity(flight, robot).T
-    velocity = np.stack([means_between(each, time, ends) for each in through])
+    velocity = beat_means(air_velocity(flight, robot), time, ends)
     signals = _signals(flight, robot, time, _forward(flight, robot, time, ends, velocity))
     by_cycle = {name: means_between(signal, time, ends) for name, signal in signals.items()}
-    weight = float(robot.gravity * flying_mass(counted, robot).mean())
+    weight = float(robot.gravity * flying_mass(flight_between(flight, ends), robot).mean())
     weights = np.diff(ends)
-    averaged = by_cycle | {"airspeed": np.linalg.norm(velocity, axis=0)}
+    averaged = by_cycle | {"airspeed": np.linalg.norm(velocity, axis=1)}
     means = {name: float(np.average(each, weights=weights)) for name, each in averaged.items()}
     variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
     for name, signal in signals.items():
@@ -158,6 +156,20 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array, forward: Array) -> d
     return signals | {"power": joints.sum(axis=1), "positive_power": joints.clip(0.0).sum(axis=1)}
 
 
+def flight_between(flight: xr.Dataset, ends: Array) -> xr.Dataset:
+    """Samples of a flight from the first to the last of some ends, (cycles + 1,) [s]."""
+    time, slack = stored(flight, "time"), 1e-9 * (ends[-1] - ends[0])
+    first = np.searchsorted(time, ends[0] - slack)
+    return flight.isel(time=slice(first, np.searchsorted(time, ends[-1] + slack, "right")))
+
+
+def beat_means(values: Array, time: Array, ends: Array) -> Array:
+    """Means of values, (N, k), over each wingbeat with `ends`, (cycles + 1,) [s], (cycles, k)."""
+    if ends[0] == ends[-1]:
+        return values[-1:]
+    return np.stack([means_between(each, time, ends) for each in values.T], axis=1)
+
+
 def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
     """Force of the air on the robot, added mass included, world axes, (N, 3) [N].
 
@@ -190,13 +202,13 @@ def _forward(flight: xr.Dataset, robot: Robot, time: Array, ends: Array, velocit
     """Level direction of the way through the air, of the nose in hover, (N, 3).
 
     The way is that of the wingbeats, with `ends`, (cycles + 1,) [s], and mean velocities
-    `velocity`, (3, cycles) [m/s]; it turns evenly from the middle of one to that of the next.
+    `velocity`, (cycles, 3) [m/s]; it turns evenly from the middle of one to that of the next.
     """
     _, rotation = poses_at(robot, flight["q"].values[:1])
     body = rotation[0, next(iter(robot.floating_bodies))] if robot.floating else np.eye(3)
     nose = np.array([body[0, 0], body[1, 0], 0.0])
     middles = (ends[1:] + ends[:-1]) / 2
-    level = np.stack([np.interp(time, middles, each) for each in [*velocity[:2], 0 * middles]], 1)
+    level = np.stack([np.interp(time, middles, each) for each in [*velocity.T[:2], 0 * middles]], 1)
     speed = np.linalg.norm(level, axis=1, keepdims=True)
     level = np.where(speed >= _HOVERING, level, nose)
     return np.asarray(level / np.linalg.norm(level, axis=1, keepdims=True))

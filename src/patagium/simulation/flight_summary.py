@@ -15,7 +15,7 @@ import xarray as xr
 from patagium.aerodynamics import Inflow, QuasiSteady
 from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
-from patagium.arrays import Array, means_between
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.reading import json_object, made_again
@@ -23,7 +23,7 @@ from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.planform import inwards, poses
 from patagium.simulation.air_audit import air_findings
-from patagium.simulation.cycles import air_force, air_velocity
+from patagium.simulation.cycles import air_force, air_velocity, beat_means, flight_between
 from patagium.simulation.flight import (
     WINGBEATS,
     aero_words,
@@ -103,8 +103,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     """
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
     steered = flight[WINGBEATS].to_numpy() if WINGBEATS in flight else None
-    begin, beats = _averaged(time, beat, steered)
-    chosen = slice(int(np.searchsorted(time, begin + 1e-9 * (begin - time[-1]))), None)
+    ends, beats = _averaged(time, beat, steered)
+    begin, averaged = ends[0], flight_between(flight, ends)
     if steered is not None and beats:
         beat = (time[-1] - begin) / beats
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
@@ -129,8 +129,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         warnings += _warnings(facts, judged=bool(weight) and (not beat or beats > 0))
         if weight and air_of(flight).density > LIQUID:
             warnings.append(BUOYANT)
-    warnings += _hover(robot, flight.isel(time=chosen))
-    warnings += _hinge(robot, flight.isel(time=chosen))
+    warnings += [*_hover(robot, averaged, ends), *_hinge(robot, averaged)]
     if audit > UNEXPLAINED:
         warnings.append(
             f"Its energy audit is {audit:.2g}, a share of energy that no work explains: "
@@ -139,26 +138,26 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if held:
         causes = ", ".join(f"{count} {cause}" for cause, count in sorted(held.items()))
         warnings.append(f"Its last command was held at {facts['held_samples']} samples: {causes}.")
-    findings = air_findings(robot, flight, chosen if beats else None)
+    findings = air_findings(robot, flight, ends if beats else None)
     facts["warnings"] = [*warnings, *_overloads(robot, flight), *findings]
     return FlightSummary(facts, flight)
 
 
-def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[float, int]:
-    """Begin [s] of the second half, in whole wingbeats where there is one, and how many it has."""
+def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[Array, int]:
+    """Ends of the second half, or of its wingbeats where it has some, [s], and their number."""
     half, beats = 0.5 * (time[-1] - time[0]), 0
     if beat:
         passed = (time - time[0]) / beat if steered is None else steered
         before = np.interp(time[-1] - half, time, passed)
         beats = int(passed[-1] - before + 1e-9) or int(passed[-1] - passed[0] + 0.01)  # to a sample
-    begin = np.interp(passed[-1] - beats, passed, time) if beats else time[-1] - half
-    return float(begin), beats
+    if not beats:
+        return time[-1] - np.array([half, 0.0]), 0
+    return np.interp(passed[-1] - np.arange(beats, -1, -1), passed, time), beats
 
 
 def _mean(values: Array, time: Array, begin: float) -> float:
     """Mean over the time from `begin` on [s]."""
-    ends = np.array([begin, time[-1]])
-    return float(means_between(values, time, ends)[0] if begin < time[-1] else values[-1])
+    return float(beat_means(values[:, None], time, np.array([begin, time[-1]])).item())
 
 
 def _of_body(robot: Robot, flight: xr.Dataset, begin: float) -> dict[str, Any]:
@@ -202,15 +201,15 @@ def _warnings(facts: dict[str, Any], judged: bool) -> Iterator[str]:
         yield f"Its flight is not steady: the air carries {share:.0%} of the weight."
 
 
-def _hover(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
+def _hover(robot: Robot, flight: xr.Dataset, ends: Array) -> Iterator[str]:
     """Warning about wings that hover in a model of the air without inflow."""
     told = str(flight.attrs.get("aero", "{}"))
     if not flight.sizes["strip"] or '"model"' not in told or f'"{Inflow.name}"' in told:
         return
     fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
     driven = flight["v"].to_numpy()[:, list(robot.actuated)].any()
-    speed = np.linalg.norm(air_velocity(flight, robot).mean(axis=0))
-    if driven and not speed > HOVER * fastest:
+    velocity = beat_means(air_velocity(flight, robot), flight["time"].to_numpy(), ends)
+    if driven and not np.linalg.norm(velocity, axis=1).mean() > HOVER * fastest:
         yield NO_INFLOW
 
 

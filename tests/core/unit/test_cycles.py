@@ -248,6 +248,27 @@ def test_a_wing_that_hovers_on_a_fixed_root_is_told_of_the_air_it_throws_down() 
     assert not any("It hovers" in one for one in flight_summary(flight)["warnings"])
 
 
+def test_wings_that_fly_circles_do_not_hover() -> None:
+    """Eight wingbeats through air that turns around once in their second half."""
+    robot = pt.load_robot("yeo-wing")
+    gait = pt.gaits.sinusoidal(robot, frequency=3.3, **{robot.dof_names[0]: 0.4})
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=8 / 3.3, time_step=1 / 330)
+    turned = 2 * np.pi * 3.3 / 4 * flight["time"].to_numpy()
+    wind = np.stack([np.cos(turned), np.sin(turned), 0 * turned], axis=1)
+    for speed, hovers in ((0.0, True), (3.0, False)):  # the fastest strip moves at 1 m/s
+        flown = flight.assign(wind=(("time", "axis"), speed * wind))
+        assert any("hovers" in one for one in flight_summary(flown)["warnings"]) == hovers
+    names = [f"induced velocity of {axis}" for axis in "xyz"]
+    aero = pt.air.Inflow(pt.QuasiSteady(robot))
+    states = np.zeros((len(turned), aero.state_size))
+    states[:, [aero.state_names.index(name) for name in names]] = 0.0, 0.0, -1.0
+    flight = flight.drop_dims("lag", errors="ignore").assign(aero_state=(("time", "lag"), states))
+    flight.attrs["aero"] = json.dumps(aero.describe())
+    for speed, sinks in ((0.0, True), (3.0, False)):
+        flown = flight.assign(wind=(("time", "axis"), speed * wind + (0.0, 0.0, 0.9)))
+        assert any("vortex" in one for one in flight_summary(flown)["warnings"]) == sinks
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem", "words"),
     [
