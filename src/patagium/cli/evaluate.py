@@ -44,7 +44,7 @@ def evaluate(
     outputs, title = Outputs(), f"{model.name} against {file.name}"
     if report is not None and outputs.attempt("report", lambda: result.report(report, title)):
         tell(f"The report is in {report}")
-    outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
+    outputs.attempt("scores", lambda: show_scores(result.scores, as_json=as_json))
     outputs.check()
     if not as_json:
         seen = command("patagium view {} --model {}", file, model)

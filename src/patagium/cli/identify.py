@@ -136,7 +136,7 @@ def identify(
     flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
     if report is not None:
         _report(result, file, flown, report, outputs)
-    outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
+    outputs.attempt("scores", lambda: show_scores(result.scores, as_json=as_json))
     if result.outcome is not Outcome.COMPLETED:
         tell(f"patagium: {result.message}")
         raise typer.Exit(2)

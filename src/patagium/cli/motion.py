@@ -64,7 +64,7 @@ def motion(
     facts = json.loads(found.attrs["findings"]) | ({"file": str(target)} if kept else {})
     summary = _summary(found, forces) | {"clock_shifts": shifts, **facts}
     told = partial(_say, measured, forces, summary, note)
-    outputs.attempt("summary on stdout", partial(say_json, summary) if as_json else told)
+    outputs.attempt("summary", partial(say_json, summary) if as_json else told)
     outputs.check()
     if not as_json:
         where = f", the figure in {plot}" if plot else ""

@@ -107,7 +107,7 @@ class Outputs:
 
     def answer(self, name: str, facts: dict[str, Any], as_json: bool, title: str = "") -> None:
         """Write facts on stdout, a table for a person or one JSON object."""
-        self.attempt(f"{name} on stdout", lambda: answer(facts, as_json=as_json, title=title))
+        self.attempt(name, lambda: answer(facts, as_json=as_json, title=title))
 
     def check(self) -> None:
         """End the verb with what was not saved, if there is such a thing.

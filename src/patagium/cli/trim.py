@@ -132,7 +132,7 @@ def trim(
     if not as_json:
         heads = [heading(name) for name in modes[0]]
         rows = [["–" if cell is None else cell for cell in mode.values()] for mode in modes]
-        outputs.attempt("modes on stdout", lambda: show_table(Table(heads, rows, "Modes")))
+        outputs.attempt("modes", lambda: show_table(Table(heads, rows, "Modes")))
     outputs.check()
     if not as_json:
         told = f"patagium view {output}" if output else "the same with -o trimmed.nc, a flight"

@@ -116,7 +116,7 @@ def tune(
         tell(f"The settings are in {out}")
     best = found.best.model_dump(mode="json")
     told = partial(say_json, best) if as_json else partial(_show, found)
-    outputs.attempt("trials on stdout", told)
+    outputs.attempt("trials", told)
     outputs.check()
     if not as_json:
         meant = "" if mapping is None else command(" --mapping {}", mapping)

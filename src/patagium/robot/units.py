@@ -20,6 +20,7 @@ from patagium.errors import shown
 from patagium.limits import LARGEST, QUANTITY, SWING, TILT, TURN, UNIT
 
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_COMMA = re.compile(r"[^,.]*\d,\d++(?!\.)[^,]*")
 _NAME = r"[A-Za-zµμ°][A-Za-z0-9_µμ°]*+"
 _EXPONENT = r"[+-]?\d(?:\.\d{1,2}|/\d)?"
 _POWER = rf"(?:\^|\*\*)\s*+(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?!\d|\.\d|\s*(?:\^|\*\*))"
@@ -108,6 +109,8 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
     match = _WRITTEN.fullmatch(written) if len(written) <= QUANTITY else None
     if match is None:
         raise UnitMismatch(expected, shown(written))
+    if _COMMA.fullmatch(written):
+        raise UnitMismatch(expected, f"{shown(written)}; write {written.replace(',', '.')!r}")
     return float(match[1]), match[2]
 
 

@@ -423,8 +423,9 @@ def test_outputs_that_cannot_be_printed_or_saved_cost_no_other(told, packets, tm
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
         silent = subprocess.run(command, stdout=full, stderr=full)
     assert done.returncode == silent.returncode == 2
-    assert done.stderr.endswith("patagium: not saved: model, summary on stdout; all else was\n")
-    assert "No space left" in done.stderr and "Traceback" not in done.stderr
+    assert done.stderr.endswith("patagium: not saved: model, summary; all else was\n")
+    assert "patagium: summary: stdout: cannot be written: No space left" in done.stderr
+    assert "Traceback" not in done.stderr
     assert load_learner(tmp_path / "state").count == 1200
 
 
