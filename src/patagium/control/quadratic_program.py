@@ -39,8 +39,9 @@ _LOW, _HIGH = ("lower", "fall", "least"), ("upper", "rise", "most")
 class ProgramStatus(IntEnum):
     """Status of a program; the integers are those of the kernel.
 
-    Infeasible: ranges and rates of the inputs contradict each other. Not convex: the cost in the
-    inputs is not.
+    Not finite: a number is none, or infinite and no limit; so is the weight of a hard limit of a
+    state. Infeasible: ranges and rates of the inputs contradict each other. Not convex: the cost
+    in the inputs is not.
     """
 
     SOLVED = 0
@@ -169,8 +170,8 @@ class QuadraticProgram:
 
 def _possible(program: QuadraticProgram) -> ProgramStatus:
     """Whether limits are numbers, and some inputs keep ranges and rates: each as an interval."""
-    names = (*_LOW, *_HIGH, "weight", "start", "before")
-    if any(np.isnan(program[name]).any() for name in names):
+    finite = all(np.isfinite(program[name]).all() for name in ("weight", "start", "before"))
+    if not finite or any(np.isnan(program[name]).any() for name in (*_LOW, *_HIGH)):
         return ProgramStatus.NOT_FINITE
     low = high = program["before"]
     for k in range(program.sizes[0]):

@@ -210,6 +210,10 @@ def test_what_cannot_be_solved_is_said(kernel, monkeypatch):
         program[name].reshape(-1)[-1] = np.nan
         assert program.solve() is not ProgramStatus.SOLVED, name
         assert int(program["status"]) == program.solve() != 0
+    for name in ("weight", "start", "before"):
+        program = filled(1)
+        program[name].reshape(-1)[-1] = np.inf
+        assert program.solve() is ProgramStatus.NOT_FINITE, name
     far = filled(1)
     far["before"][...] = 4.0  # out of its range by more than its rate
     assert far.solve() is ProgramStatus.INFEASIBLE

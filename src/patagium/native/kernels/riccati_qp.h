@@ -399,17 +399,18 @@ static double optimality(riccati_qp *o) {
   return ratio;
 }
 
-static inline int any_nan(const double *values, int count) {
+static inline int any_lost(const double *values, int count, int bounded) {
   int found = 0;
-  for (int i = 0; i < count; i++) found |= isnan(values[i]);
+  for (int i = 0; i < count; i++) found |= bounded ? !isfinite(values[i]) : isnan(values[i]);
   return found;
 }
 
-/* Whether numbers are numbers, and some inputs keep ranges and changes: each input for itself,
- * as an interval. A number that is none in matrices and gradients is seen in the solution. */
+/* Whether limits are numbers, the others finite, and some inputs keep ranges and changes: each
+ * input for itself, as an interval. A number that is none in matrices and gradients is seen in the
+ * solution. */
 static int possible(const riccati_qp *o) {
-  if (any_nan(o->low, LIMITS) || any_nan(o->high, LIMITS) || any_nan(o->start, NX) ||
-      any_nan(o->weight[0], (N + 1) * NX) || any_nan(o->before, NU))
+  if (any_lost(o->low, LIMITS, 0) || any_lost(o->high, LIMITS, 0) || any_lost(o->start, NX, 1) ||
+      any_lost(o->weight[0], (N + 1) * NX, 1) || any_lost(o->before, NU, 1))
     return NOT_FINITE;
   for (int i = 0; i < NU; i++) {
     double low = o->before[i], high = low;
