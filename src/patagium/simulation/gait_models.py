@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 from io import StringIO
@@ -24,11 +24,11 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics.named_descriptions import field_values
 from patagium.arrays import Array, Bools, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.limits import LARGEST, TABLE_FILE
+from patagium.limits import LARGEST, TABLE_FILE, TURN
 from patagium.reading import text_of
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
-from patagium.robot.units import UnitMismatch, in_si
+from patagium.robot.units import UnitMismatch, in_si, meant, spoken
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,19 @@ class Gait(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values; it travels with every flight."""
+
+
+def leads(phase: Mapping[str, float] | None) -> Mapping[str, float]:
+    """Phases by name [rad], none beyond a turn.
+
+    Raises:
+        ParameterError: If one is.
+    """
+    for name, one in (phase or {}).items():
+        if abs(one) > TURN:
+            expected = f"a lead of {name} within {spoken('rad', -TURN, TURN)}"
+            raise ParameterError("phase", expected, spoken("rad", one) + meant(one))
+    return phase or {}
 
 
 def asked_times(time: ArrayLike) -> Array:

@@ -18,11 +18,9 @@ import numpy as np
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.errors import ParameterError, finite, positive, suggest_names
-from patagium.limits import TURN
 from patagium.robot import Robot
 from patagium.robot.assembly import beyond_limits
 from patagium.robot.linkage import Linkage
-from patagium.robot.units import meant, spoken
 from patagium.simulation.arm import carried_gait
 from patagium.simulation.gait_models import (
     FourierGait,
@@ -31,6 +29,7 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     TableGait,
+    leads,
     read_gait_table,
     superposition,
 )
@@ -81,11 +80,7 @@ def sinusoidal(
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit or a turn is exceeded.
     """
-    lead, size = _by_joint(robot, phase or {}), _by_joint(robot, amplitude)
-    for name, one in (phase or {}).items():
-        if abs(one) > TURN:
-            expected = f"a lead of {name} within {spoken('rad', -TURN, TURN)}"
-            raise ParameterError("phase", expected, spoken("rad", one) + meant(one))
+    lead, size = _by_joint(robot, leads(phase)), _by_joint(robot, amplitude)
     rate, mean = positive("frequency", frequency), _by_joint(robot, offset or {})
     return _series(robot, rate, mean, (size * np.sin(lead))[None], (size * np.cos(lead))[None])
 

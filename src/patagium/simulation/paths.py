@@ -22,12 +22,14 @@ from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
+from patagium.robot.units import meant, spoken
 from patagium.simulation.gait_models import (
     FourierGait,
     Gait,
     PrescribedMotion,
     SuperposedGait,
     asked_times,
+    leads,
     read_columns,
     superposition,
 )
@@ -194,9 +196,9 @@ def sinusoid(
         **amplitude: By the coordinate's name, x, y, z, roll, pitch or yaw [m, rad].
 
     Raises:
-        ParameterError: If a name is no coordinate, or a number not finite.
+        ParameterError: If a name is no coordinate, a number not finite, or a lead beyond a turn.
     """
-    lead, size = _by_name(phase or {}), _by_name(amplitude)
+    lead, size = _by_name(leads(phase)), _by_name(amplitude)
     rate = positive("frequency", frequency)
     return _harmonic(center, attitude, rate, [size * np.sin(lead)], [size * np.cos(lead)])
 
@@ -314,8 +316,8 @@ def _checked(path: AnyPath) -> AnyPath:
     pitch = path.motion(np.linspace(0.0, span_of(path), 2001)).position[:, 4]
     worst = float(pitch[np.argmax(np.abs(pitch))])
     if abs(worst) > PITCH_LIMIT:
-        expected = f"a pitch within {PITCH_LIMIT:.4g} rad, for its Euler angles"
-        raise ParameterError("path", expected, worst)
+        expected = f"a pitch within {spoken('rad', PITCH_LIMIT)}, for its Euler angles"
+        raise ParameterError("path", expected, spoken("rad", worst) + meant(worst))
     return path
 
 

@@ -144,6 +144,8 @@ def test_a_path_comes_from_a_table(tmp_path):
         ),
         (lambda: pt.paths.sinusoid((0, 0, 0), frequency=1, plunge=1), "plunge"),
         (lambda: pt.paths.sinusoid((0, 0, 0), frequency=1, pitch=1.6), "a pitch within"),
+        (lambda: pt.paths.sinusoid((0, 0, 0), frequency=1, pitch=30), "1719 deg; are degrees"),
+        (lambda: pt.paths.sinusoid((0, 0, 0), frequency=1, phase={"z": 90}), "np.radians.90"),
         (lambda: pt.paths.waypoints([0, 1, 1], np.zeros((3, 3))), "each later"),
         (lambda: pt.paths.waypoints(np.arange(7), np.eye(7, 3), closed=True), "the first"),
     ],
