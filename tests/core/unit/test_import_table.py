@@ -711,22 +711,26 @@ def test_a_second_clock_has_a_unit_of_its_own(
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
 @pytest.mark.parametrize(
-    ("seconds", "nanos", "name"),
-    [("header.stamp.sec", "header.stamp.nanosec", "header.stamp"), ("Secs", "Nsecs", "stamp")],
+    ("seconds", "parts", "name", "unit"),
+    [
+        ("header.stamp.sec", "header.stamp.nanosec", "header.stamp", 1),
+        ("Secs", "Nsecs", "stamp", 1),
+        ("tv_sec", "tv_usec", "tv", 1000),
+    ],
 )
-def test_seconds_and_nanoseconds_of_two_columns_are_one_stamp(
-    kind: str, seconds: str, nanos: str, name: str, tmp_path: Path, speak: Speak
+def test_seconds_and_their_parts_of_two_columns_are_one_stamp(
+    kind: str, seconds: str, parts: str, name: str, unit: int, tmp_path: Path, speak: Speak
 ) -> None:
     """A header of ROS in a table had stamps in whole seconds, and nanoseconds as an input."""
     k = np.arange(1500)
     stamps = 1_700_000_000_123_456_789 + 2_000_000 * k
-    columns = {"x": np.sin(0.018 * k), seconds: stamps // 10**9, nanos: stamps % 10**9}
+    columns = {"x": np.sin(0.018 * k), seconds: stamps // 10**9, parts: stamps % 10**9 // unit}
     table = pd.DataFrame(columns)
     if kind == "csv":
-        table[nanos] = table[nanos].astype(float).where(k != 700)  # one is missing
+        table[parts] = table[parts].astype(float).where(k != 700)  # one is missing
     path, mapping = written(tmp_path, table, kind), tmp_path / "own.yaml"
     assert speak("inspect", path, "-o", mapping).code == 0
-    assert f'time: {{column: "{name}"}}' in mapping.read_text() and nanos not in mapping.read_text()
+    assert f'time: {{column: "{name}"}}' in mapping.read_text() and parts not in mapping.read_text()
     found = import_log(path, mapping, tmp_path / "out.nc")
     log = pt.load_log(found.path)
     assert found.samples == 1500 - (kind == "csv")

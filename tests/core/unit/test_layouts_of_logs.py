@@ -556,6 +556,17 @@ def test_the_rate_to_restamp_by_holds_where_a_clock_was_set_back(shared: int) ->
     assert len(rates) == 2 and rates == pytest.approx([100.0, 100.0], rel=0.01)
 
 
+@pytest.mark.parametrize("rate", [95.0, 98.0, 99.0, 103.0])
+def test_rows_of_a_slower_rate_are_not_taken_for_lost_ones(rate: float) -> None:
+    """Rows that came late counted as lost: 98.95 Hz was proposed for 98 Hz, 96.9 for 95."""
+    rng = seeded("slower")
+    stamps = np.maximum.accumulate(np.arange(10000) / rate + rng.exponential(0.02, 10000))
+    with pytest.raises(LogError, match="say `restamp: ") as told:
+        restamped(np.rint(1e9 * stamps).astype(np.int64), 100.0, 3.0, "log")
+    found = float(re.findall("`restamp: (.*) Hz", str(told.value))[0])
+    assert found == pytest.approx(rate, rel=3e-4)  # three steps over the log are no drift
+
+
 def test_a_wrong_rate_is_answered_with_the_right_one(tmp_path: Path) -> None:
     case = CASES["restamp, far off"](tmp_path, seeded("rate"))
     with pytest.raises(LogError) as refusal:

@@ -60,7 +60,8 @@ _OF_DAY = re.compile(
 )
 _SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
 _SECONDS = re.compile(r"(?i)(?:secs?|seconds)$")
-_NANOS = re.compile(r"(?i)(?:nanos|(?:nano|n)(?:secs?|seconds))$")
+_FINE = re.compile(r"(?i)(?:nanos|micros|(?:nano|n|micro|[uµμ])(?:secs?|seconds))$")
+_MICROS = re.compile(r"(?i)(?:micro|[uµμ])s[a-z]*$")
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
 _SUFFIXES = {
@@ -114,20 +115,20 @@ def table_topic(
 
 
 def stamp_pairs(columns: Collection[str], rows: Mapping[str, int]) -> dict[str, tuple[str, str]]:
-    """Columns of seconds and of nanoseconds within them, by the common part of their names.
+    """Columns of seconds and of nano- or microseconds within them, by what their names share.
 
     Args:
         columns: Names of columns with numbers, such as `header.stamp.sec` and `.nanosec`.
         rows: Number of rows of each, where columns differ in length.
     """
-    seconds, nanos = (
+    seconds, fine = (
         {end.sub("", one).strip("#%._/ ") or "stamp": one for one in columns if end.search(one)}
-        for end in (_SECONDS, _NANOS)
+        for end in (_SECONDS, _FINE)
     )
     return {
-        name: (one, nanos[name])
+        name: (one, fine[name])
         for name, one in seconds.items()
-        if name in nanos and rows.get(one) == rows.get(nanos[name])
+        if name in fine and rows.get(one) == rows.get(fine[name])
         if name not in columns and not _SPAN.search(name)
     }
 
@@ -212,11 +213,12 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
 
 
 @np.errstate(invalid="ignore")  # an infinite number is a missing one
-def _joined(both: Iterable[Any], name: str, where: str, first: int) -> NDArray[Any]:
-    """Stamps of seconds and of nanoseconds within them, (k,), not-a-time where one is missing."""
-    seconds, rest = (as_numbers(one, name, where, first) for one in both)
-    whole = nanoseconds(np.floor(seconds + 0 * rest), 1e9)
-    stamps = np.where(whole == NO_STAMP, NO_STAMP, whole + nanoseconds(rest % 1e9, 1.0))
+def _joined(both: Mapping[str, Any], where: str, first: int) -> NDArray[Any]:
+    """Stamps of seconds and of what stamp_pairs joins, (k,), not-a-time where one is missing."""
+    seconds, rest = (as_numbers(raw, one, where, first) for one, raw in both.items())
+    unit = 1e3 if _MICROS.search([*both][1]) else 1.0
+    whole, rest = nanoseconds(np.floor(seconds + 0 * rest), 1e9), rest % (1e9 / unit)
+    stamps = np.where(whole == NO_STAMP, NO_STAMP, whole + nanoseconds(rest, unit))
     return stamps.view("datetime64[ns]")
 
 
@@ -477,7 +479,7 @@ class _RowsFile(LogFile):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._lists: dict[str, tuple[str, int]] = {}  # column of the lists, and place in them
-        self._pairs: dict[str, tuple[str, str]] = {}  # columns of seconds and nanoseconds
+        self._pairs: dict[str, tuple[str, str]] = {}  # columns of seconds and their parts
 
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one pass through the file for each request."""
@@ -496,8 +498,8 @@ class _RowsFile(LogFile):
         columns, parsed = dict[str, Any](), dict[str, Array]()
         for name in names:
             if name in self._pairs:
-                both = [self._column(part, one, row) for one in self._pairs[name]]
-                columns[name] = _joined(both, name, str(self.path), row)
+                both = {one: self._column(part, one, row) for one in self._pairs[name]}
+                columns[name] = _joined(both, str(self.path), row)
                 continue
             source, place = self._lists.get(name, ("", 0))
             if source and source not in parsed:
@@ -944,7 +946,7 @@ class _HeldFile(ColumnsFile):
         own = {name: len(column) for name, column in columns.items() if len(lengths) > 1}
         topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
         for name, both in stamp_pairs(types, own).items():
-            columns[name] = _joined([columns[one] for one in both], name, str(self.path), 0)
+            columns[name] = _joined({one: columns[one] for one in both}, str(self.path), 0)
         self.topics, self._tables = {"": topic}, {"": columns}
 
     def _columns(self, topic: str) -> Mapping[str, NDArray[Any]]:

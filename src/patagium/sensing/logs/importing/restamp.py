@@ -34,6 +34,8 @@ _BACK = 10.0
 """Steps beyond which a stamp that is too early is of a clock that jumped back."""
 _ENDS = 10
 """Share of the rows, as 1 / 10, whose stamps at both ends tell a drift."""
+_TRIES = 10
+"""Rates after which the one that is found is good enough to propose."""
 
 
 def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stamps, str]:
@@ -57,14 +59,25 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
     if len(known) < 2:
         return np.rint(rows * step).astype(np.int64), f"{words}; they have no stamps of their own"
     origin = int(stamps[known[0]])
-    late = (stamps[known] - origin).astype(float) - known * step
-    back, wraps = _set_back(late, step)
-    late -= back
-    lost, gaps = _lost(late, step, gap)
-    if len(gaps) > _MOST_GAPS * len(late):
-        lost, gaps = np.zeros(len(late)), gaps[:0]  # the rate is another one
-    late -= lost * step
-    _refuse_other_rate(late, known, step, gap, where)
+    own = step  # that of the stamps, in which other rows are lost than by the stated one
+    for _ in range(_TRIES):
+        late = (stamps[known] - origin).astype(float) - known * own
+        back, wraps = _set_back(late, own)
+        late -= back
+        lost, gaps = _lost(late, own, gap)
+        if len(gaps) > _MOST_GAPS * len(late):
+            lost, gaps = np.zeros(len(late)), gaps[:0]  # the rate is another one
+        late -= lost * own
+        drift, span = _drift(late, known)
+        if abs(drift) <= gap * own:
+            break
+        own += drift / span
+    if own != step:
+        raise LogError(
+            f"{where}: restamp: expected rows {step / 1e9:.6g} s apart, but their stamps are "
+            f"{own / 1e9:.6g} s apart on average; say `restamp: {1e9 / own:.6g} Hz`, or leave "
+            "restamp out if the rate changes"
+        )
     start = float(np.median(late))
     shift = np.zeros(len(stamps))
     shift[known[gaps]] = np.diff(np.concatenate([[0.0], lost]))[gaps]
@@ -117,21 +130,8 @@ def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
     return lost, np.array(found, np.int64)
 
 
-def _refuse_other_rate(late: Array, known: Stamps, step: float, gap: float, where: str) -> None:
-    """Refuse a rate from which the stamps drift away.
-
-    Raises:
-        LogError: If they do.
-    """
+def _drift(late: Array, known: Stamps) -> tuple[float, float]:
+    """Growth of the delay from the first rows to the last [ns], and the rows between them."""
     share = max(1, len(late) // _ENDS)
     first, last = (float(np.quantile(one, _EARLIEST)) for one in (late[:share], late[-share:]))
-    drift = last - first
-    span = float(np.median(known[-share:]) - np.median(known[:share]))
-    if abs(drift) <= gap * step:
-        return
-    found = step + drift / span
-    raise LogError(
-        f"{where}: restamp: expected rows {step / 1e9:.6g} s apart, but their stamps are "
-        f"{found / 1e9:.6g} s apart on average; say `restamp: {1e9 / found:.6g} Hz`, or leave "
-        "restamp out if the rate changes"
-    )
+    return last - first, float(np.median(known[-share:]) - np.median(known[:share]))
