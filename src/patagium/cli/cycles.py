@@ -60,6 +60,7 @@ def cycles(
 
 _LABELS = {
     "cycles": "wingbeats [1]",
+    "cut_cycles": "wingbeats left out for a gap in time [1]",
     "period": "period [s]",
     "mean_lift": "mean lift [N]",
     "mean_lift_gram_force": "mean lift [gram-force]",

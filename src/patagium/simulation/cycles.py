@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import checked
-from patagium.arrays import Array, means_between, stored
+from patagium.arrays import Array, Bools, find_gaps, means_between, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
@@ -20,6 +20,7 @@ GRAM_FORCE = 9.80665e-3
 """Weight of a gram in standard gravity [N]."""
 
 _HOVERING = 0.1  # slower through the air, thrust is along the nose [m/s]
+_COARSE = 0.05  # share of a wingbeat along which a straight line is right to 1.2 % of a swing
 _MEANINGS = {
     "lift": ("N", "force of the air upward"),
     "thrust": ("N", "force of the air along the way through it, level"),
@@ -39,7 +40,8 @@ def cycle_statistics(
     Lift is the force of the air upward, thrust that along the way of the wingbeats through the
     air, level, added mass included; at less than 0.1 m/s along the nose at the start. A load cell
     under a fixed robot reads in addition what it takes to move the wings' mass, which has
-    no mean over a cycle: mount_lift, mount_thrust, the robot's weight tared.
+    no mean over a cycle: mount_lift, mount_thrust, the robot's weight tared. Wingbeats with a gap
+    in time, a step of three medians and a twentieth of a wingbeat, are left out.
 
     Args:
         flight: Record of a flight.
@@ -51,9 +53,10 @@ def cycle_statistics(
         For lift, thrust, power, positive_power and, of a fixed robot, mount_lift, mount_thrust:
         `<name>` (phase,), mean over cycles [N, W]; `<name>_spread` (phase,), standard
         deviation between cycles; `<name>_by_cycle` (cycle,), mean of each cycle. Attributes:
-        cycles; mean_lift, mean_thrust [N] and [gf], mean_power [W], mean_positive_power [W]
-        (nothing is regained from a joint that is driven), airspeed, the mean of the wingbeats'
-        own [m/s], cost_of_transport mean_positive_power / (m g airspeed), NaN at rest.
+        cycles; cut_cycles, those left out; mean_lift, mean_thrust [N] and [gf], mean_power [W],
+        mean_positive_power [W] (nothing is regained from a joint that is driven), airspeed, the
+        mean of the wingbeats' own [m/s], cost_of_transport mean_positive_power / (m g airspeed),
+        NaN at rest.
 
     Raises:
         ParameterError: If the gait has no period and none is given, or a number is not possible.
@@ -68,24 +71,39 @@ def cycle_statistics(
     robot, time = robot_of(flight), stored(flight, "time")
     steered = flight[WINGBEATS].to_numpy() if period is None and WINGBEATS in flight else None
     ends = _ends(time, beat, skip, steered)
-    count, phase = len(ends) - 1, np.arange(phases) / phases
-    beat = beat if steered is None else float(ends[-1] - ends[0]) / count
-    stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
+    whole, phase, weights = _whole(time, ends), np.arange(phases) / phases, np.diff(ends)
+    beat = beat if steered is None else float(weights.mean())
+    stamps = (ends[:-1, None] + weights[:, None] * phase)[whole]
     velocity = beat_means(air_velocity(flight, robot), time, ends)
     signals = _signals(flight, robot, time, _forward(flight, robot, time, ends, velocity))
-    by_cycle = {name: means_between(signal, time, ends) for name, signal in signals.items()}
+    by_cycle = {name: means_between(one, time, ends)[whole] for name, one in signals.items()}
     weight = float(robot.gravity * flying_mass(flight_between(flight, ends), robot).mean())
-    weights = np.diff(ends)
-    averaged = by_cycle | {"airspeed": np.linalg.norm(velocity, axis=1)}
-    means = {name: float(np.average(each, weights=weights)) for name, each in averaged.items()}
+    averaged = by_cycle | {"airspeed": np.linalg.norm(velocity[whole], axis=1)}
+    means = {k: float(np.average(one, weights=weights[whole])) for k, one in averaged.items()}
     variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
     for name, signal in signals.items():
         variables |= _variables(name, np.interp(stamps, time, signal), by_cycle[name])
     return xr.Dataset(
         variables,
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
-        attrs={"cycles": count, "period": beat, **_attributes(weight, means)},
+        attrs={"cycles": len(stamps), "cut_cycles": len(whole) - len(stamps), "period": beat}
+        | _attributes(weight, means),
     )
+
+
+def _whole(time: Array, ends: Array) -> Bools:
+    """Whether each wingbeat is without a gap in time, (cycles,).
+
+    Raises:
+        FlightError: If none is.
+    """
+    gaps = find_gaps(time)
+    gaps = gaps[time[gaps] - time[gaps - 1] > _COARSE * np.diff(ends).mean()]
+    after = np.searchsorted(time[gaps], ends[:-1], "right")
+    whole: Bools = np.searchsorted(time[gaps - 1], ends[1:]) == after
+    if not whole.any():
+        raise FlightError(f"flight: expected a wingbeat without a gap in time, found {len(gaps)}")
+    return whole
 
 
 def _ends(time: Array, beat: float, skip: int, steered: Array | None) -> Array:

@@ -269,6 +269,24 @@ def test_wings_that_fly_circles_do_not_hover() -> None:
         assert any("vortex" in one for one in flight_summary(flown)["warnings"]) == sinks
 
 
+@pytest.mark.usefixtures("interpreted")
+def test_wingbeats_with_a_gap_in_time_are_left_out() -> None:
+    """They were averaged along a straight line through their gap."""
+    robot = pt.load_robot("yeo-wing")
+    gait = pt.gaits.sinusoidal(robot, frequency=2.5, **{robot.dof_names[0]: 0.4})
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=2.4, time_step=0.004)
+    cut = flight.isel(time=np.r_[0:240, 320:601])  # in the third and the fourth of six
+    sound, found = pt.cycle_statistics(flight, skip=0), pt.cycle_statistics(cut, skip=0)
+    assert (found.cycles, found.cut_cycles, sound.cycles, sound.cut_cycles) == (4, 2, 6, 0)
+    kept = sound["power_by_cycle"][[0, 1, 4, 5]]
+    np.testing.assert_allclose(found["power_by_cycle"], kept, rtol=1e-9)  # rounding
+    assert found.mean_power == pytest.approx(float(kept.mean()), rel=1e-9)
+    edge = pt.cycle_statistics(flight.isel(time=np.r_[0:201, 301:601]), skip=0)
+    assert (edge.cycles, edge.cut_cycles) == (4, 2)  # a beat from 200 to 300 and a step of the next
+    with pytest.raises(FlightError, match="a wingbeat without a gap in time, found 1"):
+        pt.cycle_statistics(flight.isel(time=np.r_[0:50, 60:101]), skip=0)
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem", "words"),
     [
