@@ -20,6 +20,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, QuasiSteady
+from patagium.aerodynamics.gusts import OneMinusCosineGust
 from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array, brief, real_array
 from patagium.dynamics.chain import vector
@@ -239,8 +240,8 @@ class Simulator:
         gait: Motion of the actuated joints; of a `SteeredGait` a copy is flown and commanded.
         duration: Longest time it can fly, a whole number of time steps; of chosen steps as many as
             come nearest [s].
-        time_step: Step [s]; None for the shortest of a 400th of a wingbeat, 1 ms, half the longest
-            stable one at the start, and .3/w for an undamped oscillation of w rad/s.
+        time_step: Step [s]; None for the shortest of a 400th of a wingbeat, a 20th of a gust, 1 ms,
+            half the longest stable one at the start, and .3/w for an undamped swing of w rad/s.
         mount: Mount that holds the robot; free by default if it floats, else fixed.
         control_period: Time that `step` takes, a whole number of time steps [s]; by default a
             twentieth of a wingbeat, or 10 ms where the gait stands still. A controller with a
@@ -305,7 +306,9 @@ class Simulator:
         if time_step is None:
             at_start = self._equations, state, self._rows, gait.period, duration
             part = positive("control_period", control_period or duration)  # 0 is refused below
-            time_step = chosen_step(*at_start, part, bool(robot.stiffness))
+            gust = getattr(aero.air.gust, "profile", aero.air.gust)
+            passing = gust.length_time if isinstance(gust, OneMinusCosineGust) else np.inf
+            time_step = chosen_step(*at_start, part, bool(robot.stiffness), passing)
             duration = max(1, round(duration / time_step)) * time_step
         self.steps, self.time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)

@@ -105,6 +105,8 @@ STEPS_A_BEAT = 400
 """Steps in a wingbeat where no step is given."""
 LONGEST_CHOSEN = 1e-3
 """Longest step where none is given [s]."""
+STEPS_A_GUST = 20
+"""Steps in a gust that comes and goes where no step is given."""
 IMPLICIT_COST = 100
 """Explicit steps that take as long as an implicit one, roughly."""
 
@@ -117,12 +119,14 @@ def chosen_step(
     duration: float,
     divided: float,
     implicit: bool,
+    gust: float,
 ) -> float:
     """Step for a flight where none is given [s].
 
-    A 400th of a wingbeat, at which the energy audit of the presets is below 1e-8, half the
-    longest step that is stable at the start, or what keeps the amplitude of its oscillations,
-    whichever is shorter. Implicit steps need not be so short for stability alone.
+    A 400th of a wingbeat, at which the energy audit of the presets is below 1e-8, a 20th of a gust
+    that comes and goes, half the longest step that is stable at the start, or what keeps the
+    amplitude of its oscillations, whichever is shortest. Implicit steps need not be so short for
+    stability alone.
 
     Args:
         equations: Equations of the flight.
@@ -132,8 +136,9 @@ def chosen_step(
         duration: Duration of the flight [s].
         divided: Time that is a whole number of steps [s].
         implicit: Whether steps are implicit where explicit ones are not stable.
+        gust: Duration of the gust, infinite where none comes and goes [s].
     """
-    wanted = min(LONGEST_CHOSEN, (beat or np.inf) / STEPS_A_BEAT)
+    wanted = min(LONGEST_CHOSEN, (beat or np.inf) / STEPS_A_BEAT, gust / STEPS_A_GUST)
     times = np.linspace(0.0, min(beat or duration, duration), SAMPLES)
     slopes = rate_slopes(equations, [state] * SAMPLES, rows, times)
     found = tightest_limit(slopes, 2 * wanted)

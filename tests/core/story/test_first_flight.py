@@ -163,6 +163,22 @@ def test_the_chosen_step_is_tidy_and_divides_the_duration():
         assert tidy_step(duration, most) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.usefixtures("interpreted")
+def test_a_short_gust_gets_a_step_that_meets_it():
+    """Half a millisecond and shorter was passed over: no wind was recorded."""
+    robot = pt.load_robot("yeo-wing")
+    gait = pt.gaits.sinusoidal(robot, frequency=3.3, **{robot.dof_names[0]: 0.4})
+    for length, steps in ((0.1, 100), (4e-4, 2500)):
+        pulse = pt.air.OneMinusCosineGust((0.0, 0.0, 5.0), 0.01, length)
+        for gust in (pulse, pt.air.TravelingGust(pulse, (0.0, 1.0, 0.0), speed=1e3)):
+            aero = pt.QuasiSteady(robot, pt.Air(gust=gust))
+            flight = pt.simulate(robot, aero, gait, duration=0.05)
+            assert flight.sizes["time"] - 1 == steps
+        at_once = pt.simulate(robot, pt.QuasiSteady(robot, pt.Air(gust=pulse)), gait, duration=0.05)
+        # a share of sin(pi/40)^2 at most is missed between steps of a twentieth
+        assert at_once["wind"].max() > 4.9 or length == 0.1
+
+
 def test_a_stiff_robot_gets_a_step_that_holds():
     """A damper that answers fifty times as fast takes a shorter step, and it is chosen."""
     robot = pt.load_robot("aerobat")
