@@ -34,7 +34,7 @@ from patagium.arguments import check_fields
 from patagium.arrays import Array, Indices, brief, equal, real_array, rising
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.errors import ParameterError, positive
+from patagium.errors import ParameterError, check_names, positive
 from patagium.robot.model import Robot
 
 STEPS_PER_LENGTH = 50
@@ -357,6 +357,8 @@ def profile_from_description(description: Mapping[str, Any]) -> Profile:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
     kinds: tuple[Any, ...] = OneMinusCosineGust, RampGust, DrydenGust, RecordedGust
+    known, words = [kind.name for kind in kinds], "RecordedGust in place of an own gust, or one of"
+    check_names("gust", [description.get("name")], known, words)
     return from_named_description("gust", kinds, description)  # type: ignore[no-any-return]
 
 

@@ -39,9 +39,8 @@ _LOW, _HIGH = ("lower", "fall", "least"), ("upper", "rise", "most")
 class ProgramStatus(IntEnum):
     """Status of a program; the integers are those of the kernel.
 
-    Not finite: a number is none, or infinite and no limit; so is the weight of a hard limit of a
-    state. Infeasible: ranges and rates of the inputs contradict each other. Not convex: the cost
-    in the inputs is not.
+    Not finite: a number is none, or infinite but no limit. Infeasible: ranges and rates of the
+    inputs contradict each other. Not convex: the cost in the inputs is not.
     """
 
     SOLVED = 0

@@ -103,6 +103,12 @@ def test_a_recorded_gust_stays_as_it_was_given() -> None:
     assert gust == RecordedGust(np.arange(3.0), np.zeros((3, 3)))
 
 
+def test_an_own_gust_that_is_read_again_is_refused_with_what_to_fly() -> None:
+    told = {"gust": {"name": "mine", "size": 1.0}, "density": 1.2, "wind": [0.0, 0.0, 0.0]}
+    with pytest.raises(ParameterError, match="RecordedGust in place of an own gust, .*'mine'"):
+        air_from_description(told)
+
+
 def test_a_description_from_before_gusts_decayed_is_read() -> None:
     told = Air(gust=TRAVELING).describe()
     del told["gust"]["decay_time"]
