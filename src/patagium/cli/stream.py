@@ -141,7 +141,7 @@ def stream(
             problem: Exception | None = None
             try:
                 with live_stream(live, live_address, pipeline, status, intake) as view:
-                    packets = _opened(source, columns, idle, key_file)
+                    packets = _opened(source, columns, idle, key_file, machine)
                     shown = _watched(view, student, state, autosave, recording)
                     shown = shown._replace(rhythms=(*shown.rhythms, noting := _noting(queue, air)))
                     _learn(packets, queue, pipeline, status, stop, shown, samples)
@@ -199,11 +199,13 @@ def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
     return machine, air
 
 
-def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
+def _opened(
+    source: str, columns: list[str], idle: float | None, key_file: Path | None, robot: Robot
+) -> Source:
     """Source of the packets; the command that sends to it, and a warning, are printed."""
     from patagium.live.sources import DatagramSource, source_of
 
-    packets = source_of(source, columns, idle=idle, key_file=key_file)
+    packets = source_of(source, columns, idle=idle, key_file=key_file, robot=robot)
     if not isinstance(packets, DatagramSource):
         tell(f"Reading {'standard input' if source == '-' else source}")
         return packets

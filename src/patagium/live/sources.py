@@ -30,6 +30,7 @@ from patagium.netcdf_file import kind_of
 from patagium.reading import regular_file
 from patagium.robot import Robot
 from patagium.sensing.logs.record import LogRecord, is_log
+from patagium.sensing.logs.sensor_log import sensor_log
 from patagium.sensing.sensors import load_sensor_log
 from patagium.sensing.sensors.sense import is_sensor_log
 
@@ -349,7 +350,12 @@ def _record_blocks(columns: Sequence[str], path: Path) -> Iterator[Array]:
 
 
 def source_of(
-    words: str, columns: Sequence[str], *, idle: float | None = None, key_file: Path | None = None
+    words: str,
+    columns: Sequence[str],
+    *,
+    idle: float | None = None,
+    key_file: Path | None = None,
+    robot: Robot | None = None,
 ) -> TextSource | DatagramSource | LogSource:
     """Source of packets that words name.
 
@@ -359,6 +365,7 @@ def source_of(
         columns: Names of the numbers of a packet.
         idle: Longest wait for more packets [s]; None: until it is stopped.
         key_file: File of the key that datagrams are signed with; None: any datagram is taken.
+        robot: The machine whose sensors a log is of; None for the one that the log names.
 
     Raises:
         ParameterError: If an address has no port, the key cannot be used, or texts have one.
@@ -375,12 +382,13 @@ def source_of(
     if path.is_fifo():
         raise LogError(path, "a file", "a pipe; give - and pipe it to the program")
     regular_file(path)
-    if is_log(path):
+    imported = is_log(path)
+    if imported:
         with LogRecord(path) as record:
-            record.values(tuple(columns[1:]), 0, 1)
-        return LogSource(_record_blocks(columns, path))
-    if is_sensor_log(path):
-        log = load_sensor_log(path)
+            if {*columns[1:]} <= {*record.labels}:
+                return LogSource(_record_blocks(columns, path))
+    if imported or is_sensor_log(path):
+        log = sensor_log(path, robot) if imported else load_sensor_log(path)
         rows = sensor_rows(log)
         blocks = [rows[begin : begin + _ROWS] for begin in range(0, len(rows), _ROWS)]
         return LogSource(blocks, sensors_text(log))

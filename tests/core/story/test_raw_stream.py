@@ -22,7 +22,7 @@ from patagium.live.packets import DatagramPackets, Intake, TextPackets, send_pac
 from patagium.live.pipeline import Pipeline
 from patagium.live.raw_sensors import LAG, MotionPackets, sensor_rows, sensors_text
 from patagium.live.record import StreamFile
-from patagium.live.sources import DatagramSource, PacketQueue, start_reading
+from patagium.live.sources import DatagramSource, PacketQueue, source_of, start_reading
 from patagium.sensing.force.air_force import packet_columns
 from patagium.sensing.force.flown_force import motion_and_force
 from patagium.sensing.force.measured_force import motor_forces
@@ -123,6 +123,26 @@ def test_a_sensor_log_and_a_text_are_read_like_datagrams(
     lines = [",".join("" if np.isnan(k) else repr(k) for k in row) for row in rows[:5].tolist()]
     text = "\n".join([f"# sensors {sensors_text(log)}", names, *lines, ""])
     np.testing.assert_array_equal(reader.take(text.encode()), rows[:5])
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_an_imported_log_of_sensors_is_read_as_raw_samples(
+    robot: pt.Robot, tmp_path: Path, named: bool
+) -> None:
+    """`stream` asked an imported log for q, v, a and u1, which `send` and UDP did not."""
+    times = np.arange(300) / 300.0
+    rows = np.column_stack([times, 0.4 * np.sin(31 * times), -0.4 * np.sin(31 * times)])
+    joints, columns = ("left_plunge", "right_plunge"), [c.name for c in packet_columns(robot)]
+    names = ",".join(["t", *joints])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=names, comments="")
+    words = "".join(f"\n- {{column: {name}, unit: rad}}" for name in joints)
+    words = f"time: {{column: t, unit: s}}\nchannels:{words}\n" + "robot: aerobat\n" * named
+    (tmp_path / "map.yaml").write_text(words)
+    file = pt.import_log(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "log.nc").path
+    queue = PacketQueue(1000, len(columns), Intake(), robot)
+    source_of(str(file), columns, robot=None if named else robot).read(queue, threading.Event())
+    assert queue.motion is not None and queue.intake.received == 300
+    assert queue.motion.columns == ("time", *(f"encoders.position.{name}" for name in joints))
 
 
 def test_forces_that_nothing_measures_are_missing(
@@ -374,8 +394,8 @@ def test_descriptions_that_cannot_be_used_are_refused(
         plain.describe(text)
 
 
-def test_a_listener_says_how_to_send(capsys: pytest.CaptureFixture[str]) -> None:
-    packets = _opened("udp://127.0.0.1:0", ["time"], None, None)
+def test_a_listener_says_how_to_send(robot: pt.Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    packets = _opened("udp://127.0.0.1:0", ["time"], None, None, robot)
     with packets._socket:
         address = packets.address
     said = capsys.readouterr().err

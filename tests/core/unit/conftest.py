@@ -183,6 +183,46 @@ def write_ros1_mcap(file: Path) -> Path:
     return file
 
 
+def write_idl(file: Path) -> Path:
+    """An MCAP file with vectors (t, 0, 0) that .idl files describe, as rosbag2 writes them."""
+    from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    held = {
+        "geometry_msgs/msg/Vector3Stamped": (
+            "std_msgs::msg::Header header; geometry_msgs::msg::Vector3 vector;",
+            "geometry_msgs/msg/Vector3",
+            "std_msgs/msg/Header",
+        ),
+        "geometry_msgs/msg/Vector3": ("double x; double y; double z;",),
+        "std_msgs/msg/Header": (
+            "builtin_interfaces::msg::Time stamp; string frame_id;",
+            "builtin_interfaces/msg/Time",
+        ),
+        "builtin_interfaces/msg/Time": ("int32 sec; uint32 nanosec;",),
+    }
+    text = ""
+    for kind, (fields, *others) in held.items():
+        package, _, name = kind.split("/")
+        text += f"{'=' * 80}\nIDL: {kind}\n// a comment\n"
+        text += "".join(f'#include "{other}.idl"\n' for other in others)
+        text += f"module {package} {{ module msg {{ struct {name} {{ {fields} }}; }}; }};\n"
+    kind, make = next(iter(held)), types.types
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = writer.register_schema(kind, "ros2idl", text.encode())
+        channel = writer.register_channel("v", "cdr", schema)
+        for k in range(100):
+            header = _header(make, START + k * STEP, ros1=False)
+            vector = make["geometry_msgs/msg/Vector3"](k * STEP * 1e-9, 0.0, 0.0)
+            content = bytes(types.serialize_cdr(make[kind](header, vector), kind))
+            writer.add_message(channel, START + k * STEP + DELAY, content, START)
+        writer.finish()
+    return file
+
+
 def write_protobuf(file: Path) -> Path:
     """An MCAP file with points (t, 2 t, 3 t) as Protobuf."""
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -281,6 +321,7 @@ class Recordings(NamedTuple):
     ulog: Callable[..., Path] = write_ulog
     dataflash: Callable[..., Path] = write_dataflash
     ros1_mcap: Callable[..., Path] = write_ros1_mcap
+    idl: Callable[..., Path] = write_idl
     protobuf: Callable[..., Path] = write_protobuf
     roll: Callable[[float], float] = roll
     rolling: Callable[[float], float] = rolling

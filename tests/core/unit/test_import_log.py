@@ -95,6 +95,12 @@ def test_parts_of_a_recording_are_one(recordings: Any, tmp_path: Path) -> None:
     found = import_log(tmp_path / "parts", mapping(words), tmp_path / "log.nc")
     assert found.samples == recordings.count // 2
     check_motion(found.path, recordings)
+    parts = [tmp_path / "parts" / f"b_{k}.bag" for k in range(2)]
+    for again in (parts, tmp_path / "parts"):  # the log of the first is no part of the second
+        assert import_log(again, mapping(words), tmp_path / "parts" / "log.nc").samples > 250
+    (tmp_path / "link.nc").symlink_to(parts[1])
+    with pytest.raises(LogError, match="another name than that of the log itself"):
+        import_log(parts, mapping(words), tmp_path / "link.nc")
 
 
 def test_a_transform_is_found_by_its_frame(recordings: Any, tmp_path: Path) -> None:
@@ -157,6 +163,90 @@ def _json_messages(path: Path, messages: list[dict[str, Any]]) -> Path:
             writer.add_message(channel, k * 10**7, json.dumps(words).encode(), 0, k)
         writer.finish()
     return path
+
+
+@pytest.mark.parametrize("names", ["1 2 3", "2 3 1", "1 2 0", "11 12 leg[0]"])
+def test_joints_named_by_numbers_or_with_brackets(names: str, tmp_path: Path) -> None:
+    """Joint 1 was read from place 1, which changes with the order; 11 and leg[0] not at all."""
+    joints = names.split()
+    orders = [joints if k % 2 else joints[::-1] for k in range(60)]
+    states = [(one, [joints.index(name) + k / 60 for name in one]) for k, one in enumerate(orders)]
+    bag = _joint_states(tmp_path / "bag", states)
+    words = [{"topic": "s", "field": f"position[{name}]", "unit": "rad", "name": f"j{name}"}
+             for name in joints]  # fmt: skip
+    log = load_log(import_log(bag, mapping({"channels": words}), tmp_path / "log.nc").path)
+    for place, name in enumerate(joints):
+        np.testing.assert_allclose(log[f"j{name}"], place + np.arange(60) / 60)
+    (seen,) = inspect_log(bag).topics
+    lows = {one.name: round(one.low) for one in seen.channels}
+    assert lows == {f"position[{name}]": place for place, name in enumerate(joints)}
+
+
+def _frames(k: int, names: str, late: int = 0) -> dict[str, Any]:
+    """Message of frames, each stamped `late` steps of 10 ms after the one before, its x."""
+    stamps = [1000 + k + late * place for place, _ in enumerate(names)]
+    return {"transforms": [
+        {"header": {"stamp": {"sec": one // 100, "nsec": one % 100 * 10**7}},
+         "child_frame_id": name, "x": one / 100.0}
+        for name, one in zip(names, stamps, strict=True)
+    ]}  # fmt: skip
+
+
+@pytest.mark.parametrize("names", ["ab", "ba"])
+@pytest.mark.parametrize("base", [None, "header"])
+def test_frames_of_one_message_have_their_own_stamps(
+    names: str, base: str | None, tmp_path: Path
+) -> None:
+    """All frames had the stamp of the one that the mapping names first, which many lacked."""
+    held = [_frames(k, "ab", late=4) for k in range(100)]
+    for words in held[::25]:
+        del words["transforms"][0]
+    path = _json_messages(tmp_path / "log.mcap", held)
+    words = {"time": {"rate": "100 Hz", **({"base": base} if base else {})}, "channels": [
+        {"topic": "s", "field": f"transforms[{name}].x", "unit": "m", "name": name}
+        for name in names
+    ]}  # fmt: skip
+    found = import_log(path, parse_mapping(words), tmp_path / "log.nc")
+    log = load_log(found.path)
+    with LogRecord(found.path) as record:
+        times = log["time"].to_numpy() + int(record._file.time_origin_ns) * 1e-9
+    assert not warnings(found) and found.samples == 96  # in which a and b overlap
+    for name in names:
+        np.testing.assert_allclose(log[name], times, atol=1e-8)  # rounding of times in ns
+
+
+def test_frames_of_one_stamp_need_no_rate(tmp_path: Path) -> None:
+    path = _json_messages(tmp_path / "log.mcap", [_frames(k, "ab") for k in range(50)])
+    words = [{"topic": "s", "field": f"transforms[{one}].x", "unit": "m", "name": one}
+             for one in "ab"]  # fmt: skip
+    for time in ({}, {"restamp": "100 Hz"}):
+        found = import_log(path, mapping({"channels": words}, **time), tmp_path / "log.nc")
+        assert found.samples == 50
+    later = _json_messages(tmp_path / "b.mcap", [_frames(k, "ab", late=1) for k in range(50)])
+    with pytest.raises(
+        LogError, match=r"expected rate .* s by transforms\[a\].header.stamp 100 Hz"
+    ):
+        import_log(later, mapping({"channels": words}), tmp_path / "log.nc")
+
+
+def test_a_time_of_a_message_can_be_its_stamp(tmp_path: Path) -> None:
+    """A field of two parts was refused; its seconds, which the error named, are no stamps."""
+    held = [{"header": {"stamp": {"sec": 9, "nsec": k * 10**7}}, "x": k / 100.0,
+             "cam": {"sec": 7 * (k > 0), "nanosec": k * 10**7 * (k > 0)}}
+            for k in range(90)]  # fmt: skip
+    path = _json_messages(tmp_path / "log.mcap", held)
+    x = {"topic": "s", "field": "x", "unit": "m"}
+    for words in (
+        {"channels": [x], "time": {"column": "cam"}},
+        {"channels": [{**x, "stamp": "cam"}]},
+        {"channels": [x], "time": {"column": "header.stamp"}},
+    ):
+        found = import_log(path, parse_mapping(words), tmp_path / "log.nc")
+        log, first = load_log(found.path), 9 if found.samples == 90 else 7
+        assert found.samples == (90 if first == 9 else 89)  # a stamp of 0 is none
+        with LogRecord(found.path) as record:
+            times = log["time"].to_numpy() + int(record._file.time_origin_ns) * 1e-9
+        np.testing.assert_allclose(log["x"], times - first, atol=1e-8)  # rounding of times in ns
 
 
 def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
@@ -281,6 +371,14 @@ def test_ros1_messages_in_mcap_and_protobuf(recordings: Any, tmp_path: Path) -> 
     log = load_log(import_log(path, parse_mapping(proto), tmp_path / "b.nc").path)
     t = log["time"].to_numpy()
     np.testing.assert_allclose(log["point"].to_numpy(), np.outer(t, [1, -2, -3]), atol=1e-9)
+
+
+def test_idl_in_mcap_may_include_other_files(recordings: Any, tmp_path: Path) -> None:
+    """rosbag2 stores .idl files as they are: every type with a header was refused."""
+    path = recordings.idl(tmp_path / "idl.mcap")
+    words = {"channels": [{"topic": "v", "field": "vector.x", "unit": "m", "name": "x"}]}
+    log = load_log(import_log(path, mapping(words), tmp_path / "log.nc").path)
+    np.testing.assert_allclose(log["x"], log["time"].to_numpy(), atol=1e-8)  # rounding of times
 
 
 def test_a_bag_without_definitions_borrows_them(recordings: Any, tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ class StampSource(NamedTuple):
     Attributes:
         kind: "header" or "received" for messages, "column" for a column or field, "rows" for
             counted rows.
-        column: Name of the column or field.
+        column: Name of the column or field, or path of the stamp in messages.
         factor: Its unit [ns].
     """
 
@@ -127,6 +127,11 @@ class Topic:
     hint: str = ""
     stamped: bool = False
     varied: bool = False
+
+    @property
+    def known(self) -> dict[str, str]:
+        """Path of each number, by the ways to write it."""
+        return {**self.aliases, **{name: name for name in self.channels}}
 
 
 class LogFile(Protocol):
@@ -279,7 +284,7 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
     """
     if not isinstance(source, str):
         return [find_fields(topic, one, 1, where)[0] for one in source]
-    known = {**topic.aliases, **{name: name for name in topic.channels}}
+    known = topic.known
     for endings in _endings(size):
         paths = [source + ending for ending in endings]
         longer = endings[-1] == f"[{size - 1}]" and f"{source}[{size}]" in known

@@ -42,7 +42,7 @@ from patagium.sensing.logs.files.channels import (
     reading,
 )
 
-_STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\]]*)\]")
+_STEP = re.compile(r"\.?([^.\[\]]+)|\[((?:[^\[\]]|\[[^\[\]]*\])*)\]")
 _END = re.compile(r"[.\[]|$")
 _MOST_ENTRIES = 64
 _MOST_PARTS = 16
@@ -94,14 +94,14 @@ def message_topic(
     """
     held = known or unreadable_topic(name, kind, count, "")
     channels, aliases, unplaced = dict(held.channels), dict(held.aliases), dict(held.unplaced)
-    own = set[str]()
+    own = dict[str, str]()
     try:
         first = decode()
         for path, dtype, other in _leaves(first, "", None):
             if not dtype:
                 unplaced[path] = other
                 continue
-            own.add(path)
+            own[path] = path
             channels.setdefault(path, Channel(path, dtype, unit_in_message(kind, path)))
             if other:
                 aliases.setdefault(other, path)
@@ -111,17 +111,17 @@ def message_topic(
         return known or unreadable_topic(name, kind, count, reason)
     parts = {path[: mark.start()] for path in channels for mark in _END.finditer(path)}
     unplaced = {path: why for path, why in unplaced.items() if path not in parts}
-    stamp = _stamp(first, _stamp_path(first, list(channels)))
-    stamped, headed = held.stamped or stamp is not None, held.base.kind == "header" or bool(stamp)
+    place, stamp = _first_stamp(first, own_stamp(own, next(iter(channels), "")))
+    stamped, headed = held.stamped or bool(place), held.base.kind == "header" or bool(stamp)
     return replace(
         held,
         channels=channels,
-        base=StampSource("header" if headed else "received"),
+        base=StampSource("header" if headed else "received", held.base.column or place),
         aliases=aliases,
         guess=f"{name}: its stamps are 0; it is stamped as received" * (stamped and not headed),
         unplaced=unplaced,
         stamped=stamped,
-        varied=held.varied or bool(aliases) or (known is not None and own != {*held.channels}),
+        varied=held.varied or bool(aliases) or (bool(known) and own.keys() != held.channels.keys()),
     )
 
 
@@ -179,9 +179,9 @@ class _Rows:
     def __init__(self, key: int, wanted: Request) -> None:
         self.key, self.wanted = key, wanted
         self.getters = [getter(path) for path in wanted.fields]
+        self._stamp = getter(wanted.base.column)
         self.stamps: list[int] = []
         self.values: list[list[float]] = []
-        self._path: str | None = None
 
     def add(self, content: Any, received: int) -> None:
         values = [math.nan] * len(self.getters)
@@ -192,7 +192,10 @@ class _Rows:
                 values[k], found = math.nan if value is None else float(value), True
         if not found:
             return
-        stamp = self._stamp(content, received)
+        stamp, base = NO_STAMP, self.wanted.base
+        with suppress(KeyError, IndexError, TypeError):  # of a part that the message lacks
+            whole = base.kind == "received"
+            stamp = received if whole else _as_stamp(self._stamp(content), base.factor)
         self.stamps.append(stamp if abs(stamp) < 2**62 else NO_STAMP)
         self.values.append(values)
 
@@ -201,18 +204,6 @@ class _Rows:
         values = np.array(self.values, float).reshape(len(stamps), len(self.getters))
         self.stamps, self.values = [], []
         return Block(self.key, stamps, values)
-
-    def _stamp(self, content: Any, received: int) -> int:
-        kind = self.wanted.base.kind
-        if kind == "received":
-            return received
-        if kind == "column":
-            with suppress(KeyError, IndexError):  # the stamp of a part that the message lacks
-                return _as_stamp(getter(self.wanted.base.column)(content), self.wanted.base.factor)
-            return NO_STAMP
-        if self._path is None:
-            self._path = _stamp_path(content, list(self.wanted.fields))
-        return _stamp(content, self._path) or NO_STAMP
 
 
 def getter(path: str) -> Getter:
@@ -239,7 +230,7 @@ def getter(path: str) -> Getter:
                 name, k = next((one for one in keys[k] if one[0] in held), keys[k][-1])
                 above, value = value, member(value, name)
             else:
-                value, k = _entry(above, value, key), k + 1
+                above, value, k = value, _entry(above, value, key), k + 1
         return value
 
     return get
@@ -267,34 +258,31 @@ def member(value: Any, name: str) -> Any:
 def _entry(above: Any, value: Any, key: str) -> Any:
     if isinstance(value, dict):
         return value[key]
-    if key.lstrip("-").isdigit():
-        return value[int(key)]
-    names = _names_beside(above, value)
-    if names is not None and key in names:
+    names = _names(above, value)
+    if key in names:
         return value[names.index(key)]
-    for part in value:
-        if _key_of(part) == key:
-            return part
-    raise KeyError(key)
+    if not key.isdigit() or (names and names[int(key)]):
+        raise KeyError(key)
+    return value[int(key)]
 
 
 def _held(value: Any, names: Sequence[str]) -> Iterator[Any]:
     """Parts of a message under those of the names that it has."""
     for name in names:
-        with suppress(KeyError):
-            yield member(value, name)
+        if name in value if isinstance(value, dict) else hasattr(value, name):
+            with suppress(KeyError):  # of Protobuf
+                yield member(value, name)
 
 
-def _names_beside(above: Any, value: Any) -> list[str] | None:
+def _names(above: Any, value: Any) -> list[str]:
+    """Names of the entries of a list, beside it or in its parts, "" of one without; or none."""
     for names in _held(above, _NAMES):
         if isinstance(names, Sequence) and not isinstance(names, str) and len(names) == len(value):
-            return list(names)
-    return None
-
-
-def _key_of(part: Any) -> str | None:
-    keys = (key for key in _held(part, _KEYS) if isinstance(key, str) and key)
-    return next(keys, None)
+            return [*map(str, names)]
+    if isinstance(value, np.ndarray) or isinstance(next(iter(value), 0), int | float | str):
+        return []
+    held = ([key for key in _held(part, _KEYS) if isinstance(key, str)] for part in value)
+    return [next(filter(None, keys), "") for keys in held]
 
 
 def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
@@ -315,7 +303,7 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
 
 
 def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
-    names = _names_beside(above, value) if len(value) else None
+    names = _names(above, value)
     numeric = isinstance(value, np.ndarray)
     if numeric and value.dtype == np.uint8 and len(value) > _MOST_ENTRIES:
         yield path, "", f"{len(value)} bytes, as of an image or a cloud of points"
@@ -326,7 +314,7 @@ def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]
     if len(value) > most:
         yield f"{path}[{most}] to [{len(value) - 1}]", "", f"only the first {most} are read"
     for index, entry in enumerate(value[:most]):
-        key = names[index] if names is not None else _key_of(entry)
+        key = names[index] if names else ""
         own = f"{path}[{key or index}]"
         for leaf, dtype, other in _leaves(entry, own, value):
             numbered = f"{path}[{index}]{leaf[len(own) :]}" if key else ""
@@ -351,35 +339,49 @@ def _members(value: Any) -> Iterable[tuple[str, Any]]:
     return [(name, next(_held(value, [name]), None)) for name in names]
 
 
-def _stamp_path(message: Any, fields: list[str]) -> str | None:
-    """Path of the stamp in a message; the stamp of the named part comes first."""
-    prefix = fields[0].rpartition("]")[0] + "]" if fields and "]" in fields[0] else ""
-    while prefix.count("]") > 1 and _stamp(message, f"{prefix}.header.stamp") is None:
-        prefix = prefix[: prefix.rindex("[")].rpartition("]")[0] + "]"
-    places = [f"{prefix}.header.stamp"] if prefix else []
-    for place in [*places, "header.stamp", "timestamp", "stamp", "time"]:
-        if _stamp(message, place) is not None:
-            return place
-    return None
+def find_stamp(known: Mapping[str, str], path: str) -> str:
+    """Path of a stamp of seconds and nanoseconds, by a way to write it; "" if it is none.
+
+    Args:
+        known: Path of each number of a topic, by the ways to write it.
+        path: Way to write the path of the stamp.
+    """
+    for ends in product(_SECONDS, _NANOS):
+        if all(f"{path}.{end}" in known for end in ends):
+            return known[f"{path}.{ends[0]}"].rpartition(".")[0]
+    return ""
 
 
-def _stamp(message: Any, path: str | None) -> int | None:
-    if not path:
-        return None
-    with suppress(KeyError, IndexError, TypeError):
-        stamp = getter(path)(message)
-        for seconds, nanos in product(_held(stamp, _SECONDS), _held(stamp, _NANOS)):
-            with suppress(TypeError, ValueError):
-                return int(seconds) * 10**9 + int(nanos)
+def own_stamp(known: Mapping[str, str], field: str) -> str:
+    """Path of the stamp in the header of the innermost entry that holds a number; "" if none."""
+    while field := field.rpartition("]")[0]:
+        if own := find_stamp(known, f"{field}].header.stamp"):
+            return own
+    return ""
+
+
+def _first_stamp(message: Any, own: str) -> tuple[str, int]:
+    """Path of the stamp of a message, that of a part before its own, and the stamp [ns]."""
+    for place in (own, "header.stamp", "timestamp", "stamp", "time"):
+        with suppress(KeyError, IndexError, TypeError):
+            if place and (stamp := _whole(getter(place)(message))) is not None:
+                return place, stamp
+    return "", 0
+
+
+def _whole(stamp: Any) -> int | None:
+    for seconds, nanos in product(_held(stamp, _SECONDS), _held(stamp, _NANOS)):
+        with suppress(TypeError, ValueError):
+            return int(seconds) * 10**9 + int(nanos)
     return None
 
 
 def _as_stamp(value: Any, factor: float) -> int:
-    whole = _stamp({"stamp": value}, "stamp")
-    if whole is not None:
-        return whole
     if isinstance(value, int | np.integer):
         return int(value) * round(factor) if factor >= 1 else round(int(value) * factor)
+    whole = _whole(value)
+    if whole is not None:
+        return whole or NO_STAMP
     number = math.nan if value is None else float(value) * factor
     return round(number) if math.isfinite(number) else NO_STAMP
 
@@ -503,7 +505,8 @@ def _idl(definition: str, parse: Callable[[str], Any]) -> dict[str, Any]:
     parts = [definition]
     if definition.startswith(f"{line}IDL: "):
         parts = [part.partition("\n")[2] for part in definition.split(line)[1:]]
-    return {name: found for part in parts for name, found in parse(part).items()}
+    plain = (re.sub(r"(?m)^\s*#.*", "", part) for part in parts)  # what it includes is in others
+    return {name: found for part in plain for name, found in parse(part).items()}
 
 
 class _Recording(LogFile):

@@ -63,18 +63,15 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
     Raises:
         LogError: If the log cannot be read, or is of no known format.
     """
-    given = [paths] if isinstance(paths, str | Path) else list(paths)
-    if not given:
-        raise LogError(f"expected {_SUMMED_UP}, found none")
-    parts = [part for one in given for part in _parts(Path(one))]
+    parts = parts_of(paths)
     kinds = {_kind(part) for part in parts}
     if len(kinds) > 1:
-        raise LogError(given[0], "parts of one format", ", ".join(sorted(kinds)))
+        raise LogError(parts[0], "parts of one format", ", ".join(sorted(kinds)))
     kind = kinds.pop()
     if skip_rows is not None:
         if kind != ".csv" or len(parts) > 1:
             found = f"{len(parts)} of {kind}; leave it out"
-            raise LogError(f"{given[0]}: skip_rows", "one CSV file, whose lines it counts", found)
+            raise LogError(f"{parts[0]}: skip_rows", "one CSV file, whose lines it counts", found)
         return table_files.CsvFile(parts[0], skip_rows)
     if kind in _PARTED:
         return _PARTED[kind](parts)
@@ -105,6 +102,18 @@ def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes
     _SINGLE[ending] = reader
     if magic:
         _MAGIC[magic] = ending
+
+
+def parts_of(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    """Files of a log, or the folders of ROS 2 bags; see `open_log`.
+
+    Raises:
+        LogError: If there is none.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not given:
+        raise LogError(f"expected {_SUMMED_UP}, found none")
+    return [part for one in given for part in _parts(Path(one))]
 
 
 def _parts(path: Path) -> list[Path]:

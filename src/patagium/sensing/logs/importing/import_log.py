@@ -25,7 +25,7 @@ from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
 from patagium.robot.files import robot_attributes
-from patagium.sensing.logs.files.opening import open_log
+from patagium.sensing.logs.files.opening import open_log, parts_of
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, time_doubt
 from patagium.sensing.logs.importing.log_findings import log_findings, zero_forces
@@ -189,8 +189,9 @@ def import_log(
     target = Path(out)
     if target.suffix.lower() not in (".nc", ".csv"):
         raise LogError(f"{target}: expected a name that ends in .nc or .csv")
-    with closing(open_log(paths, skip_rows=words.skip_rows)) as log:
-        read = (log.path, *log.path.glob("*"))
+    parts = parts_of(paths)
+    with closing(open_log(parts, skip_rows=words.skip_rows)) as log:
+        read = (path for part in parts for path in (part, *part.glob("*")))
         if target.exists() and any(target.samefile(path) for path in read):
             raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source, _robot(words, source))

@@ -33,7 +33,7 @@ from patagium.sensing.logs.importing.findings import (
     survey_streams,
     unit_findings,
 )
-from patagium.sensing.logs.importing.plan import filled_in_turn
+from patagium.sensing.logs.importing.plan import filled_in_turn, header_of
 from patagium.sensing.logs.mapping import si_of
 
 GAP = 3.0
@@ -194,7 +194,8 @@ class _Part:
     @property
     def request(self) -> Request:
         """Request for the numbers."""
-        return Request(self.topic.name, self.topic.base, tuple(self.fields), self.filled)
+        base = header_of(self.topic, self.topic.base, self.fields)
+        return Request(self.topic.name, base, tuple(self.fields), self.filled)
 
     def without(self, column: str, reason: str) -> _Part:
         """Part without a column, or the entries of a list, which are listed as not read."""
@@ -266,7 +267,7 @@ def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
         name=part.label,
         kind=topic.kind,
         rows=stamps.rows,
-        stamps=topic.base.column or topic.base.kind,
+        stamps=topic.base.column if topic.base.kind == "column" else topic.base.kind,
         begin=((stamps.first or origin) - origin) / SECOND,
         duration=stamps.duration,
         rate=1.0 / median if median > 0 else math.nan,

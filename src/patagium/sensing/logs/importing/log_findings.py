@@ -96,7 +96,7 @@ def _item_findings(item: Quantity, spool: Spool, flown: bool, still: bool) -> It
         return
     norm = float(np.sqrt((values.rms[item.places] ** 2).sum()))
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
-        text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
+        text = f"expected quaternions of norm 1, found {norm:.4g} (rms, zeros included); scaled to 1"
         yield Finding("warning", name, "attitude", text)
 
 

@@ -24,6 +24,7 @@ from patagium.sensing.logs.files.channels import (
     find_fields,
     find_topic,
 )
+from patagium.sensing.logs.files.message_files import find_stamp, own_stamp
 from patagium.sensing.logs.files.table_files import nanoseconds_in
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
 
@@ -187,8 +188,8 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
         for index, column in enumerate(getattr(mapping, role)):
             where = f"{source}: {role}.{index}"
             topic = find_topic(log, column.topic, where)
-            base = _base(topic, column, mapping, source)
             fields = find_fields(topic, column.source, column.size, where)
+            base = _base(topic, column, mapping, source, fields)
             _take_names(column, taken, where)
             held = streams.setdefault((topic.name, base), [])
             held.extend(field for field in fields if field not in held)
@@ -196,7 +197,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
     if mapping.time.like is not None:
         topic = find_topic(log, mapping.time.like, f"{source}: time.like")
         if not any(name == topic.name for name, _ in streams):
-            streams[(topic.name, _base(topic, None, mapping, source))] = []
+            streams[(topic.name, _base(topic, None, mapping, source, []))] = []
     keys = list(streams)
     items = [
         _item(role, column, keys.index(key), [streams[key].index(f) for f in fields], fields)
@@ -302,10 +303,10 @@ def _restamp_rates(
         LogError: If it is not clear which stream a rate is of.
     """
     given, where = mapping.time.restamp, f"{source}: time.restamp"
-    if isinstance(given, float) and len(names) > 1:
-        example = ", ".join(f"{name}: {given:g} Hz" for name in names)
+    if isinstance(given, float) and len({*names}) > 1:
+        example = ", ".join(f"{name}: {given:g} Hz" for name in dict.fromkeys(names))
         expected = f"a rate for each stream, such as {{{example}}}"
-        raise LogError(where, expected, f"{given:g} Hz for {len(names)} streams")
+        raise LogError(where, expected, f"{given:g} Hz for {len({*names})} streams")
     rates = given if isinstance(given, dict) else dict.fromkeys(names, given)
     unknown = [key for key in rates if key not in names]
     if unknown:
@@ -337,13 +338,18 @@ def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
 
 
 def _base(
-    topic: Topic, column: ValueColumn | None, mapping: TableMapping, source: str
+    topic: Topic, column: ValueColumn | None, mapping: TableMapping, source: str, fields: list[str]
 ) -> StampSource:
-    """Source of the stamps of a stream: a column, the messages' own, or rows at a rate."""
+    """Source of the stamps of some fields: a column, the messages' own, or rows at a rate."""
     time = mapping.time
     stamp = (column and column.stamp) or time
+    messages = topic.base.kind in ("header", "received")
     if stamp.column:
         where = f"{source}: {'time' if stamp is time else 'stamp'}"
+        if messages:
+            own = find_stamp(topic.known, stamp.column)
+            if own or stamp.column == topic.base.column:
+                return StampSource("header", own or stamp.column)
         field = find_fields(topic, stamp.column, 1, where)[0]
         if topic.channels[field].dtype == "timestamp":
             return StampSource("column", field, 1.0)
@@ -353,14 +359,14 @@ def _base(
         factor = conversion(unit, "s", where)[0] * 1e9 if unit else stated or 1e9
         return StampSource("column", field, factor)
     if time.base is not None:
-        if topic.base.kind not in ("header", "received"):
+        if not messages:
             raise LogError(
                 f"{source}: time.base: {topic.kind} has no {time.base} stamps; name a column"
             )
         if time.base == "header" and not topic.stamped:
             expected = f"a stamp in the header of topic {topic.name!r} ({topic.kind})"
             raise LogError(f"{source}: time.base", expected, "none; use received")
-        return StampSource(time.base)
+        return header_of(topic, topic.base._replace(kind=time.base), fields)
     if topic.kind == "table":
         if time.restamp is not None:
             return StampSource("rows")
@@ -368,7 +374,13 @@ def _base(
             f"{source}: time.column: expected the column with stamps of a table (or, without one, "
             f"`restamp: RATE`); it holds {', '.join(list(topic.channels)[:12])}"
         )
-    return topic.base
+    return header_of(topic, topic.base, fields)
+
+
+def header_of(topic: Topic, base: StampSource, fields: Sequence[str]) -> StampSource:
+    """Stamps of some fields: of headers, the one of the part that holds the first of them."""
+    own = own_stamp(topic.known, fields[0]) if fields and base.kind == "header" else ""
+    return StampSource("header", own) if own else base
 
 
 def _item(

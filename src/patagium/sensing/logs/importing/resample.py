@@ -282,7 +282,7 @@ def _stream(spool: Spool, used: list[int]) -> int | None:
     if time.like is not None:
         like = time.like.removesuffix("/0")
         return next((k for k, one in enumerate(plan.wanted) if one.topic == like), None)
-    if len(used) == 1:
+    if all(np.array_equal(spool.stamps_of(k), spool.stamps_of(used[0])) for k in used[1:]):
         return used[0]
     rates = ", ".join(f"{plan.names[k]} {1 / spool.surveys[k].stamps.median:.4g} Hz" for k in used)
     raise LogError(
