@@ -149,7 +149,7 @@ def message_blocks(
     listeners: dict[str, list[_Rows]] = defaultdict(list)
     for row in rows:
         listeners[wanted[row.key].topic].append(row)
-    broken: Exception | None = None
+    rest = (row.block() for row in rows if row.stamps)
     try:
         for message in heapq.merge(*streams, key=lambda message: message.received):
             if not listeners[message.topic]:
@@ -159,13 +159,10 @@ def message_blocks(
                 row.add(content, message.received)
                 if len(row.stamps) >= _ROWS:
                     yield row.block()
-    except Exception as problem:  # libraries raise their own; what was read comes first
-        broken = problem
-    for row in rows:
-        if row.stamps:
-            yield row.block()
-    if broken is not None:
-        raise broken
+    except Exception:  # libraries raise their own; what was read comes first
+        yield from rest
+        raise
+    yield from rest
 
 
 def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
@@ -294,7 +291,7 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
         yield path, "", f"text such as {value[:40]!r}"
     elif isinstance(value, bytes) or value is None:
         yield path, "", _NULL if value is None else "bytes"
-    elif _is_list(value):
+    elif hasattr(value, "__getitem__") and not isinstance(value, dict):  # or a field of Protobuf
         yield from _entries(value, path, above)
     else:
         for name, inner in _members(value):
@@ -321,12 +318,6 @@ def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]
             yield leaf, dtype, numbered if dtype else other
 
 
-def _is_list(value: Any) -> bool:
-    """Whether a value is a list, an array, or a repeated field of Protobuf."""
-    listed = hasattr(value, "__len__") and hasattr(value, "__getitem__")
-    return listed and not isinstance(value, dict)
-
-
 def _members(value: Any) -> Iterable[tuple[str, Any]]:
     """Parts of a dict, of a message of rosbags, which is a dataclass, or of one of Protobuf.
 
@@ -340,12 +331,7 @@ def _members(value: Any) -> Iterable[tuple[str, Any]]:
 
 
 def find_stamp(known: Mapping[str, str], path: str) -> str:
-    """Path of a stamp of seconds and nanoseconds, by a way to write it; "" if it is none.
-
-    Args:
-        known: Path of each number of a topic, by the ways to write it.
-        path: Way to write the path of the stamp.
-    """
+    """Path of a stamp of seconds and nanoseconds among known ones; "" if it is none."""
     for ends in product(_SECONDS, _NANOS):
         if all(f"{path}.{end}" in known for end in ends):
             return known[f"{path}.{ends[0]}"].rpartition(".")[0]
@@ -623,7 +609,7 @@ class McapFile(_Recording):
         super().__init__(*paths)
         self._parts = paths
         self._types = {"cdr": MessageTypes(ros2=True), "ros1": MessageTypes(ros2=False)}
-        self._decoders: dict[tuple[Any, ...], Decoder] = {}
+        self._decoder = cache(self._make)
         self._cut: set[Path] = set()
         with reading(self.path, self.format):
             self.topics = self._look()
@@ -719,29 +705,26 @@ class McapFile(_Recording):
             yield Message(channel.topic, message.log_time, decode)
 
     def _decoded(self, schema: Any, channel: Any, message: Any) -> Any:
-        key = (channel.message_encoding, schema and (schema.name, schema.data))
-        if key not in self._decoders:
-            self._decoders[key] = self._make(channel.message_encoding, schema)
-        return self._decoders[key](message.data)
+        told = (schema.name, schema.encoding, schema.data) if schema else ("", "", b"")
+        return self._decoder(channel.message_encoding, *told)(message.data)
 
-    def _make(self, encoding: str, schema: Any) -> Decoder:
+    def _make(self, encoding: str, name: str, written: str, definition: bytes) -> Decoder:
         if encoding == "json":
             return json.loads
-        if encoding == "protobuf" and schema is not None:
-            return _protobuf(schema)
-        if encoding in self._types and schema is not None:
-            language = "idl" if schema.encoding == "ros2idl" else "msg"
-            definition = schema.data.decode("utf-8", "replace")
-            return self._types[encoding].decoder(schema.name, definition, language)
+        if encoding == "protobuf" and name:
+            return _protobuf(name, definition)
+        if encoding in self._types and name:
+            language, text = written.removeprefix("ros2"), definition.decode("utf-8", "replace")
+            return self._types[encoding].decoder(name, text, language)
         raise LogError(f"expected messages of ROS, JSON or Protobuf, found {encoding!r}")
 
 
-def _protobuf(schema: Any) -> Decoder:
+def _protobuf(name: str, definition: bytes) -> Decoder:
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 
     pool = descriptor_pool.DescriptorPool()
     stamp = descriptor_pb2.FileDescriptorProto.FromString(timestamp_pb2.DESCRIPTOR.serialized_pb)
-    files = descriptor_pb2.FileDescriptorSet.FromString(schema.data).file
+    files = descriptor_pb2.FileDescriptorSet.FromString(definition).file
     waiting = {file.name: file for file in [stamp, *files]}
 
     def add(name: str) -> None:
@@ -752,5 +735,5 @@ def _protobuf(schema: Any) -> Decoder:
 
     while waiting:  # in any order
         add(next(iter(waiting)))
-    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
     return kind.FromString  # type: ignore[no-any-return]

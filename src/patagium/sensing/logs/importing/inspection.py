@@ -158,7 +158,7 @@ def inspect_log(
         for part, survey in zip(readable, surveys, strict=True):
             facts.append(_topic_facts(part, survey, origin))
             found += [*_findings(part, survey), *_recorder_notes(part, survey)]
-        facts += [_unreadable(topic) for topic in lost]
+        facts += [_topic_facts(_Part(one, one.name), StreamSurvey(0), 0) for one in lost]
         damaged = [topic for topic in lost if topic.problem != NO_MESSAGE]
         found += [Finding("warning", one.name, "unreadable", one.problem) for one in damaged]
         if broken:
@@ -279,9 +279,11 @@ def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
         channels=_channel_facts(part, survey),
         unplaced=dict(topic.unplaced),
     )
+    nan, count = math.nan, topic.count or 0
     if topic.base.kind == "rows" or topic.problem:  # and no stamp is known
-        nan = math.nan
         facts = replace(facts, duration=nan, rate=nan, gaps=0, longest=nan, near_duplicates=0)
+    if topic.problem:
+        facts = replace(facts, rows=count, stamps="", begin=nan, problem=topic.problem)
     return facts
 
 
@@ -291,12 +293,6 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
     columns = (one.tolist() for one in (*ends, values.mean, values.rms, values.missing))
     rows = zip(part.fields, *columns, strict=True)
     return tuple(ChannelFacts(name, held[name].dtype, held[name].unit, *row) for name, *row in rows)
-
-
-def _unreadable(topic: Topic) -> TopicFacts:
-    empty = _topic_facts(_Part(topic, topic.name), StreamSurvey(0), 0)
-    count, nan = topic.count or 0, math.nan
-    return replace(empty, rows=count, stamps="", begin=nan, problem=topic.problem)
 
 
 def _findings(part: _Part, survey: StreamSurvey) -> Iterator[Finding]:

@@ -87,7 +87,7 @@ def _item_findings(item: Quantity, spool: Spool, flown: bool, still: bool) -> It
         yield Finding("warning", name, "jump", text)
     if (flown and item.si == "m/s^2") or _is_change(item, spool):  # need not show gravity
         return
-    if item.norm is None:
+    if item.order in _WITH_UNIT:
         same = item.stream, item.column.unit
         alike = [one for one in spool.plan.items if (one.stream, one.column.unit) == same]
         others = [place for one in alike for place in one.places]
@@ -96,8 +96,12 @@ def _item_findings(item: Quantity, spool: Spool, flown: bool, still: bool) -> It
         return
     norm = float(np.sqrt((values.rms[item.places] ** 2).sum()))
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
-        text = f"expected quaternions of norm 1, found {norm:.4g} (rms, zeros included); scaled to 1"
+        text = f"expected quaternions of norm 1, found {norm:.4g} (rms, with zeros); scaled to 1"
         yield Finding("warning", name, "attitude", text)
+
+
+_WITH_UNIT = (None, "rpy", "rotvec")
+"""Orders of components that have a unit."""
 
 
 def _is_change(item: Quantity, spool: Spool) -> bool:
@@ -219,7 +223,7 @@ def _stated_unit(item: Quantity, spool: Spool) -> list[Finding]:
     if sorted(named) == list("wxyz") and item.order and named != item.order:
         text = f"the mapping says order: {item.order}, but its columns are named {named}"
         return [Finding("warning", item.column.label, "attitude", text)]
-    if not stated or item.norm is not None:
+    if not stated or item.order not in _WITH_UNIT:
         return []
     factor, si = si_of(stated)
     if not si or (si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9):

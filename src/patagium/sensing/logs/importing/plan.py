@@ -82,11 +82,6 @@ class Quantity:
         return part in PARTS[:3] or (self.role != "output" and part != PARTS[3])
 
     @property
-    def norm(self) -> float | None:
-        """Length of the components of an attitude by plain numbers; None for other quantities."""
-        return {"wxyz": 1.0, "xyzw": 1.0, "matrix": float(np.sqrt(3.0))}.get(self.order or "")
-
-    @property
     def turn(self) -> float:
         """Change after which the numbers begin again, in the unit of the log; 0 if they do not."""
         angle = self.si == "rad" and self.column.size == 1
