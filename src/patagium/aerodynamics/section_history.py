@@ -53,7 +53,8 @@ def section_history(
     Splines through the given motion drive the section; the states of the model begin at zero and
     follow by the Runge-Kutta method of order four, from time to time in steps that are halved until
     two agree with one of twice the length within 1e-6 of 1 + |state|. Coefficients are over the
-    dynamic pressure of the mean airspeed. A `UserWarning` tells of one that is smoothed over.
+    dynamic pressure of the mean airspeed over time. A `UserWarning` tells of one that is smoothed
+    over. Wind and gusts of the model's air come on top, at the same times, unless they travel.
 
     Args:
         model: Makes the model of the air for the section, as `LiftingLine` itself does.
@@ -71,7 +72,8 @@ def section_history(
         the model as `aero_state`.
 
     Raises:
-        ParameterError: If times do not ascend, or a length, a number or the motion is not possible.
+        ParameterError: If times do not ascend, a length, a number or the motion is not possible, or
+            a gust travels.
     """
     times = real_array("time", time)
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0).all():
@@ -82,7 +84,10 @@ def section_history(
     lever = (pitch_axis - 0.25) * chord
     aero = model(_wing(chord, lever), Air())
     of_kind("model", aero, Aerodynamics)
-    motion = _Motion(times, pitch, plunge, airspeed)
+    if aero.air.traveling is not None:
+        expected = "air without a gust that travels; simulate a wing on pt.mounts.fixed() in one"
+        raise ParameterError("model", expected, aero.air.gust)
+    motion = _Motion(times, pitch, plunge, airspeed, aero.air)
     carried = AddedMass(aero.robot, aero.air) if added_mass else None
     if motion.slowest < SWITCH_SPEED:
         said = f"airspeed: coefficients err below {SWITCH_SPEED:g} m/s; take ten times the speed, a"
@@ -91,14 +96,11 @@ def section_history(
     states = [np.zeros(aero.state_size)]
     for now, later in pairwise(times):
         states.append(_step(aero, motion, states[-1], now, later - now))
-    rows = [
-        _row(aero, carried, motion.at(now), state, lever)
-        for now, state in zip(times, states, strict=True)
-    ]
+    along = zip(map(motion.at, times), states, strict=True)
+    rows = [_row(aero, carried, lever, *reached) for reached in along]
     columns = np.array(rows).T / [[area], [area], [area * chord], [1.0], [1.0]]
-    variables: dict[str, Any] = {
-        name: ("time", column) for name, column in zip(_NAMES, columns, strict=True)
-    }
+    pairs = zip(_NAMES, columns, strict=True)
+    variables: dict[str, Any] = {name: ("time", column) for name, column in pairs}
     variables["aero_state"] = (("time", "lag"), np.array(states))
     return xr.Dataset(variables, coords={"time": times}, attrs={"model": aero.name})
 
@@ -107,10 +109,10 @@ _NAMES = ("lift", "drag", "moment", "angle_of_attack", "effective_angle_of_attac
 
 
 class _Motion:
-    """Splines through a motion; each part is one number or (N,) [rad, m, m/s]."""
+    """Splines through a motion in the air; each part is one number or (N,) [rad, m, m/s]."""
 
     def __init__(
-        self, times: Array, pitch: ArrayLike, plunge: ArrayLike, airspeed: ArrayLike
+        self, times: Array, pitch: ArrayLike, plunge: ArrayLike, airspeed: ArrayLike, air: Air
     ) -> None:
         given = {"pitch": pitch, "plunge": plunge, "airspeed": airspeed}
         columns = []
@@ -119,33 +121,35 @@ class _Motion:
             if column.shape not in ((), times.shape) or not np.isfinite(column).all():
                 raise ParameterError(name, f"finite, scalar or ({len(times)},)", column.shape)
             columns.append(np.broadcast_to(column, times.shape))
-        self.mean_speed = positive("airspeed", float(columns[2].mean()), "a positive mean [m/s]")
         self.slowest = float(columns[2].min())
-        self._splines = [CubicSpline(times, column) for column in columns]
+        self._air, self._splines = air, [CubicSpline(times, column) for column in columns]
+        mean = self._splines[2].integrate(times[0], times[-1]) / np.ptp(times)
+        self.mean_speed = positive("airspeed", float(mean), "a positive mean [m/s]")
 
-    def at(self, time: float) -> tuple[Array, Array, Array]:
-        """Coordinates, velocities and accelerations of the wing, (6,) each [m, rad, s]."""
+    def at(self, time: float) -> tuple[Array, Array, Array, Array]:
+        """Coordinates, velocities, accelerations, (6,) each, and the wind, (3,) [m, rad, s]."""
         pitch, height, speed = self._splines
         q, v, a = np.zeros((3, 6))
         q[_UP], v[_UP], a[_UP] = (height(time, order) for order in range(3))
         q[_PITCH], v[_PITCH], a[_PITCH] = (-pitch(time, order) for order in range(3))
         v[_AHEAD], a[_AHEAD] = speed(time), speed(time, 1)
-        return q, v, a
+        return q, v, a, self._air.uniform_wind_at([time])[0]
 
 
 def _row(
     aero: Aerodynamics,
     carried: AddedMass | None,
-    motion: tuple[Array, Array, Array],
-    state: Array,
     lever: float,
+    motion: tuple[Array, Array, Array, Array],
+    state: Array,
 ) -> list[float]:
     """Lift, drag [N], moment about the quarter chord [N m] and both angles of attack [rad]."""
-    q, v, a = motion
-    force = aero.generalized_force(q, v, state)
+    q, v, a, wind = motion
+    force = aero.generalized_force(q, v, state, wind)
     if carried is not None:
-        force = force + carried.generalized_force(q, v, a) + carried.circulatory_force(q, v)
-    strips, angle = aero.strips(q, v, state), -q[_PITCH]
+        force = force + carried.generalized_force(q, v, a, wind)
+        force = force + carried.circulatory_force(q, v, wind)
+    strips, angle = aero.strips(q, v, state, wind), -q[_PITCH]
     normal = np.cos(angle) * force[_UP] - np.sin(angle) * force[_AHEAD]
     moment = -force[_PITCH] - lever * normal
     angles = [float(strips[name][0]) for name in _NAMES[3:]]
@@ -159,8 +163,8 @@ def _step(
 
     def after(begin: float, z: Array, step: float) -> Array:
         def rate(reached: Array, place: int) -> Array:
-            q, v, _ = motion.at(time + begin + place * step / 2)
-            return aero.state_derivative(q, v, reached)
+            q, v, _, wind = motion.at(time + begin + place * step / 2)
+            return aero.state_derivative(q, v, reached, wind)
 
         return classic_step(rate, z, 0, step)
 

@@ -74,6 +74,51 @@ def test_coarse_times_change_no_coefficient(delay: pt.air.StallDelay | None) -> 
     assert 0.4 < ends[0][0] < 2 * np.pi * np.sin(np.radians(4.0))
 
 
+@pytest.mark.parametrize("added_mass", [False, True])
+def test_a_section_in_a_growing_gust_is_one_that_sinks_faster_and_faster(added_mass: bool) -> None:
+    """Of a gust, the velocity at the first time counted for ever."""
+    time, rate = np.linspace(0.0, 0.1, 41), 4.0
+    gust = pt.air.RampGust((0.0, 0.0, 0.1 * rate), 0.0, 0.1)
+    options = {"pitch": 0.0, "airspeed": SPEED, "chord": CHORD, "added_mass": added_mass}
+    blown = pt.air.section_history(lambda wing, air: thin(wing, pt.Air(gust=gust)), time, **options)
+    sinking = pt.air.section_history(thin, time, plunge=-rate * time**2 / 2, **options)
+    # the air carried along feels the section's acceleration, and not a uniform gust's
+    carried = added_mass * np.pi * CHORD * rate / (2 * SPEED**2)
+    np.testing.assert_allclose(blown["lift"], sinking["lift"] - carried, atol=1e-5)  # steps
+    np.testing.assert_allclose(blown["drag"], sinking["drag"], atol=1e-5)
+    assert blown["lift"][-1] > 0.1
+
+
+def test_a_gust_that_travels_is_refused() -> None:
+    gust = pt.air.TravelingGust(pt.air.RampGust((0.0, 0.0, 0.5), 0.0, 0.1), (-1.0, 0.0, 0.0), SPEED)
+    with pytest.raises(ParameterError, match=r"without a gust that travels.*mounts\.fixed"):
+        pt.air.section_history(
+            lambda wing, air: thin(wing, pt.Air(gust=gust)),
+            [0.0, 1.0],
+            pitch=0.1,
+            airspeed=SPEED,
+            chord=CHORD,
+        )
+
+
+def test_coefficients_do_not_depend_on_where_the_samples_lie() -> None:
+    """They were over the mean of the samples, of which a log may have more in fast flight."""
+    even = np.linspace(0.0, 1.0, 201)
+    uneven = np.unique(np.r_[np.linspace(0.0, 0.15, 31), np.linspace(0.15, 1.0, 86)])
+    lifts = []
+    for time in (even, uneven):
+        surge = 7.5 + 2.5 * np.cos(2 * np.pi * time)
+        history = pt.air.section_history(
+            pt.QuasiSteady, time, pitch=0.1, airspeed=surge, chord=CHORD, added_mass=False
+        )
+        lifts.append(history["lift"].to_numpy())
+    at_ten = pt.air.section_history(
+        pt.QuasiSteady, [0.0, 1.0], pitch=0.1, airspeed=10.0, chord=CHORD, added_mass=False
+    )["lift"][0].item()
+    expected = at_ten * (10.0 / 7.5) ** 2  # the mean over time is 7.5 m/s
+    assert [lift[-1] for lift in lifts] == pytest.approx([expected] * 2, rel=1e-6)  # splines
+
+
 def test_what_is_no_motion_is_refused() -> None:
     with pytest.raises(ParameterError, match="time"):
         pt.air.section_history(thin, [0.0, 0.0], pitch=0.1, airspeed=SPEED, chord=CHORD)
