@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air, air_from_description
-from patagium.aerodynamics.local_flow import normalwash, strip_axes, strip_motions
+from patagium.aerodynamics.local_flow import lift_place, normalwash, strip_axes, strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.of_wings import wings_of
 from patagium.aerodynamics.polars import section_flow
@@ -166,14 +166,15 @@ class AddedMass:
         motions = strip_motions(robot, q, v, wind)
         for motion, (strip, mass, _) in zip(motions, carried, strict=True):
             forward, normal, span = strip_axes(strip)
-            wash, flow = normalwash(motion), section_flow(motion.forward, motion.normal)
+            ahead, wash = lift_place(motion), normalwash(motion)
+            flow = section_flow(motion.forward, motion.normal_ahead(ahead))
             sine, cosine = flow.normal / flow.speed, flow.forward / flow.speed
             lost = sine * (1.0 - held_share(flow))
             force = forward * (1.0 - lost * sine) + normal * (lost * cosine)
             force = force * (mass * motion.pitch_rate * wash)
             # nose down: the span points left of a wing that flies forward
             moment = span * (mass * motion.forward * wash)
-            moment = moment + ca.cross(vector(strip.quarter_chord), force)
+            moment = moment + ca.cross(vector(strip.quarter_chord) + forward * ahead, force)
             add_wrench(wrenches, strip.body, force, moment)
         return generalized_force(robot, q, wrenches)
 

@@ -29,9 +29,9 @@ from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import ONE_STATE, Lags, lag_relaxation
 from patagium.aerodynamics.local_flow import (
-    StripMotion,
     airspeed,
     body_airflows,
+    lift_place,
     normalwash,
     strip_axes,
 )
@@ -429,11 +429,6 @@ class StripFlow:
         motion, strip = self.motions[i], self.motions[i].strip
         pressure = density * strip.chord * strip.width * LIFT_SLOPE * airspeed(motion) / 2
         return attached_lift(self.vortices, wash, i, self.gains[i], pressure, lift_place(motion))
-
-
-def lift_place(motion: StripMotion) -> ca.SX:
-    """Distance of the lift ahead of the quarter chord; at 3/4 of it in backward flow [m]."""
-    return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
 
 
 def _size(x: ca.SX) -> ca.SX:

@@ -145,6 +145,11 @@ def collocation(motion: StripMotion) -> Any:
     return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
 
 
+def lift_place(motion: StripMotion) -> Any:
+    """Distance of the lift ahead of the quarter chord; at 3/4 of it in backward flow [m]."""
+    return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
+
+
 def airspeed(motion: StripMotion) -> Any:
     """Speed across the span where the normalwash is taken, never zero [m/s]."""
     normal = motion.normal_ahead(collocation(motion))

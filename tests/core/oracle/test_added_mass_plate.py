@@ -116,15 +116,16 @@ def test_a_separated_plate_that_turns_has_no_lift_of_circulation() -> None:
     """The force across the path, free of power, goes with the attached flow; the moment stays."""
     robot, rate = plate(-0.5), 20.0
     model = pt.AddedMass(robot)
-    for angle in (0.2, 0.5, 1.2, 2.1, -0.9):
+    for angle in (0.2, 0.5, 1.2, 2.1, 2.9, -0.9):
         along = np.array([np.cos(angle), -np.sin(angle)])
-        velocities = SPEED * along + [0.0, -rate * SEMICHORD]
+        side = np.sign(np.cos(angle))  # the path is that of the quarter chord which leads
+        velocities = SPEED * along + [0.0, -rate * SEMICHORD * (1 + side) / 2]
         v = robot.coordinates(x=velocities[0], z=velocities[1], pitch=-rate)
         force = model.circulatory_force(np.zeros(6), v)
         assert abs(force @ v) < 1e-15
         across = force[0] * along[1] - force[2] * along[0]
         attached = abs(np.sin(angle)) < np.sin(np.radians(30.0))
-        wash = SPEED * np.sin(angle) + (1 + np.sign(np.cos(angle))) * SEMICHORD / 2 * rate
+        wash = SPEED * np.sin(angle) + side * SEMICHORD * rate
         full = CYLINDER * rate * wash * along[1] if attached else 0.0
         assert across == pytest.approx(full, abs=1e-15)
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.local_flow import strip_motions
-from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.local_flow import lift_place, strip_motions
+from patagium.aerodynamics.smooth_functions import smooth_norm
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array
@@ -144,8 +144,7 @@ class StripNetwork(WingNetwork):
         seen, loads = [], []
         for number, motion in enumerate(strip_motions(robot, q, v, wind)):
             strip = motion.strip
-            ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
-            looking = ahead
+            ahead = looking = lift_place(motion)
             if self.chord_fraction is not None:
                 looking = (0.25 - self.chord_fraction) * strip.chord
             flow = ca.vertcat(motion.forward, motion.normal_ahead(looking))
