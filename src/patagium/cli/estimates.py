@@ -259,10 +259,8 @@ def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
 
     share = evaluate(orbit.flight(beats=1.0), learned).scores.get("unseen_share")
     if share is not None:
-        text = f"{100 * share:.0f} % of this flow was not learned"
-        if share > UNSEEN:
-            text += ": there the learned air is a guess"
-        tell(f"{text}.")
+        guess = ": there the learned air is a guess" if share > UNSEEN else ""
+        tell(f"{100 * share:.0f} % of this flow was not learned{guess}.")
 
 
 def left_open(
@@ -324,6 +322,10 @@ def air_model(
     from patagium import aerodynamics as models
 
     kind, key = air_class(word), {"quasi-steady": "polar", "lifting-line": "section"}.get(word, "")
+    if polars and not key:
+        expected = f"none with {word}, whose strips have no polar: take --aero quasi-steady or "
+        expected += "lifting-line, or in Python pt.DeLaurier(stall_angle=..., lift_slope=...)"
+        raise PatagiumError("--polar", expected, polars[0])
     wings = machine.wing_names
     given: dict[str, Any] = {}
     named = {one.name: one for one in (models.DickinsonPolar, models.ReynoldsPolar)}
@@ -341,9 +343,8 @@ def air_model(
             expected += f", for one wing alone as {wings[0] if wings else 'WING'}=FILE"
             found = f"no wing {name!r}" if equals else f"{text!r}, which is no file here"
             raise PatagiumError("--polar", expected, f"{found} (wings: {', '.join(wings)})")
-    if any(isinstance(one, models.ReynoldsPolar) for one in given.values()) and not (
-        0.5 <= air.density <= 2.0
-    ):
+    viscous = any(isinstance(one, models.ReynoldsPolar) for one in given.values())
+    if viscous and not 0.5 <= air.density <= 2.0:
         expected = "0.5 to 2 kg/m^3 with reynolds, which has the viscosity of air (of another: "
         expected += "pt.air.ReynoldsPolar(viscosity=...) in Python)"
         raise ParameterError("--density", expected, air.density)
