@@ -24,14 +24,14 @@ class OnModel(Aerodynamics):
         model: Model of the air under this one.
 
     Raises:
-        ParameterError: If the model is already one of the same kind.
+        ParameterError: If the model is one of the same kind, or on one.
     """
 
     model: Aerodynamics
 
     def __post_init__(self) -> None:
-        if not hasattr(self.model, "air") or isinstance(self.model, type(self)):
-            expected = f"a model of another kind than {self.name}, such as pt.QuasiSteady(robot)"
+        if not hasattr(self.model, "air") or has_layer(self.model, type(self)):
+            expected = f"a model without {self.name} in it, such as pt.QuasiSteady(robot)"
             raise ParameterError("model", expected, self.model)
 
     @property
@@ -78,3 +78,8 @@ class OnModel(Aerodynamics):
         """Description that makes the model again for a robot, as JSON-able values."""
         own = field_values(self)
         return {"model": self.name, "of": own.pop("model"), **own}
+
+
+def has_layer(aero: Any, kind: type) -> bool:
+    """Whether a model of the air is of a kind, or on a model that is."""
+    return isinstance(aero, kind) or (isinstance(aero, OnModel) and has_layer(aero.model, kind))

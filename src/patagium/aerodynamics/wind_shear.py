@@ -98,8 +98,3 @@ class WindShear(OnModel):
         if self.roughness is None:
             return (above / reference) ** number
         return ca.log(1.0 + above / number) / ca.log(1.0 + reference / number)
-
-
-def sheared(aero: Any) -> bool:
-    """Whether a model of the air is `WindShear`, or on it."""
-    return isinstance(aero, WindShear) or (isinstance(aero, OnModel) and sheared(aero.model))

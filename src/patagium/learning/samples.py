@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from patagium.aerodynamics import Air
-from patagium.aerodynamics.wind_shear import sheared
+from patagium.aerodynamics import Air, WindShear
+from patagium.aerodynamics.on_model import has_layer
 from patagium.arrays import Array, stored
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -145,7 +145,7 @@ def wind_change(flight: xr.Dataset | ForceSamples, network: Network) -> Array | 
         network: What learns from it or predicts it; where it knows shear, as a grey box does, the
             change in a flight in shear is that at the reference height.
     """
-    known = sheared(getattr(network, "model", None))
+    known = has_layer(getattr(network, "model", None), WindShear)
     if isinstance(flight, xr.Dataset) and not (known and "strip_wind" in flight):
         return recorded_wind_change(flight)
     _, air = flown(flight)

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.aerodynamics.wind_shear import sheared
+from patagium.aerodynamics import AddedMass, Aerodynamics, WindShear
+from patagium.aerodynamics.on_model import has_layer
 from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.simulation.mounts import InternalLoadCell, Mount, on_massless_mount, with_load_cells
@@ -199,5 +199,5 @@ def state_layout(
         works=works,
         cells=len(cells),
         met=len(robot.strips) if aero.air.traveling else 0,
-        several=bool(robot.strips) and (aero.air.traveling is not None or sheared(aero)),
+        several=bool(robot.strips) and (bool(aero.air.traveling) or has_layer(aero, WindShear)),
     )

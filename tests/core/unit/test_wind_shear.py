@@ -207,5 +207,7 @@ def test_refused() -> None:
         WindShear(air(), exponent=-0.1)
     with pytest.raises(ParameterError, match="roughness"):
         WindShear(air(), roughness=0.0)
-    with pytest.raises(ParameterError, match="another kind than wind_shear"):
+    with pytest.raises(ParameterError, match="without wind_shear in it"):
         WindShear(WindShear(air()))
+    with pytest.raises(ParameterError, match="without wind_shear in it"):
+        WindShear(pt.air.Inflow(WindShear(air())))
