@@ -57,8 +57,8 @@ def read_polar(path: str | Path) -> PolarTable:
 
     Angles are in degrees unless the header has alpha [rad] or alpha_rad; AoA is alpha. Rows are
     sorted by angle; of rows with the same angle the first counts. Rows without a number in
-    one of these columns are left out. So are, with a warning, those beyond 90 degrees: a section
-    that moves backward is its own mirror image in every model.
+    one of these columns are left out. So are, with a warning, those beyond 90 degrees (270 is
+    -90): a section that moves backward is its own mirror image in every model.
 
     Args:
         path: Polar saved by XFOIL, a CSV file of AeroSandbox's or NeuralFoil's results, or a file
@@ -96,6 +96,8 @@ def read_polar(path: str | Path) -> PolarTable:
         remedy = f"{', '.join(f'{one:g}' for one in known)}; keep the rows of one"
         raise Unreadable(path, "Re", "one Reynolds number", remedy)
     table = np.array(rows).reshape(len(rows), len(wanted))
+    turn = 2 * np.pi if unit[:3] == "rad" else 360.0
+    table[table[:, 0] > turn / 2, 0] -= turn
     _, kept = np.unique(table[:, 0], return_index=True)
     if len(kept) < 2:
         raise Unreadable(path, "", "two or more rows of numbers", f"{len(kept)}")
@@ -105,8 +107,7 @@ def read_polar(path: str | Path) -> PolarTable:
     if not unit and rise > _STEEP * span:
         rises = f"C_L {rise:.3g} higher in {span:.3g} degrees"
         raise Unreadable(path, "alpha", "degrees, or a column alpha [rad]", rises)
-    if unit[:3] != "rad":
-        table[:, 0] = np.radians(table[:, 0])
+    table[:, 0] *= 2 * np.pi / turn
     angle, lift, drag, *moment = _within(table, str(path)).T
     return PolarTable(angle, lift, drag, moment[0] if moment else None)
 
