@@ -19,7 +19,7 @@ from patagium.aerodynamics.local_flow import quarter_chord
 from patagium.dynamics.kinematics import body_poses
 from patagium.robot.model import Robot
 
-NEAREST = 0.01
+NEAREST = 0.0005
 """Height over the span below which wings are no nearer to the ground [1]."""
 
 
@@ -49,7 +49,8 @@ def ground_share(height: Any, span: Any) -> Any:
     """Share of a wing's own downwash that the ground takes away, 0 to 1.
 
     That which the image of an elliptic loading takes from its induced drag, as a ratio of
-    polynomials of x = height/span, right to .0003, with the limit 1/(32 x^2) far away:
+    polynomials of x = height/span, right to .0003 from x = .01 on and to .0007 from .001 on, with
+    the limit 1/(32 x^2) far away:
 
         s = (1 + 144 x + 411.3 x^2) / (1 + 160.6 x + 1764 x^2 + 4295 x^3 + 13161.6 x^4).
 
