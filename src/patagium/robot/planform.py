@@ -250,8 +250,8 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
         "bodies": len(robot.bodies),
         "wings": len(robot.wing_names),
         "strips": len(robot.strips),
-        "mass [kg]": round(robot.mass, 9),
-        "span [m]": round(wing_span(robot), 9),
-        "wing area [m^2]": round(sum(float(s.chord * s.width) for s in robot.strips), 9),
+        "mass [kg]": float(f"{robot.mass:.9g}"),
+        "span [m]": float(f"{wing_span(robot):.9g}"),
+        "wing area [m^2]": float(f"{sum(float(s.chord * s.width) for s in robot.strips):.9g}"),
         "parameters": len(robot.parameter_names),
     }

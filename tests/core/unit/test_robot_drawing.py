@@ -1,5 +1,7 @@
 """A robot is drawn where its coordinates put it, and described in facts."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -85,3 +87,12 @@ def test_facts_count_what_is_there():
     assert facts["span [m]"] == 0.3814
     assert facts["wing area [m^2]"] == 0.024
     assert describe_robot(load_robot("yeo-wing"))["base"] == "fixed"
+
+
+def test_facts_of_a_small_robot_have_their_digits():
+    """A robot of 1e-10 kg had no mass, and areas three digits."""
+    robot = load_robot("aerobat")
+    bodies = [replace(body, mass=5e-9 * body.mass) for body in robot.bodies]
+    strips = [replace(one, chord=3e-6 * one.chord) for one in robot.strips]
+    facts = describe_robot(replace(robot, bodies=bodies, strips=strips))
+    assert facts["mass [kg]"] == 1e-10 and facts["wing area [m^2]"] == 7.2e-8
