@@ -183,7 +183,7 @@ def draw_still(
     words = f"grid {_length(square)}"
     if scale:
         force = round_down(0.4 * reach / scale)
-        words = f"{kind}: {force:.1g} N = {_length(force * scale)} · {words}"
+        words = f"{kind}: {force:g} N = {_length(force * scale)} · {words}"
     behind = {"facecolor": SCENE["paper"], "alpha": 0.75, "linewidth": 0, "pad": 2.5}
     figure.text(0.985, 0.03, words, bbox=behind, ha="right", color="#5a6570")
     return figure
@@ -292,5 +292,5 @@ def _add_arrows(
 
 
 def _length(meters: float) -> str:
-    value, unit = (meters, "m") if meters >= 1 else (100 * meters, "cm")
-    return f"{value:.2g} {unit}"
+    power, unit = next((k for k in ((1, "m"), (100, "cm")) if k[0] * meters >= 1), (1000, "mm"))
+    return f"{power * meters:.3g} {unit}"

@@ -297,19 +297,17 @@ def replay_content(
 def _with_force(flight: xr.Dataset, robot: Robot) -> xr.Dataset:
     """Flight with the force of the air, also of an imported log, a record or a motion.
 
-    Samples that lack a coordinate or a force that is known elsewhere are left out.
+    Samples that lack a coordinate, or of a log a force that is known elsewhere, are left out.
     """
-    if "aero_force" in flight or not {"force", "u1"} & {*flight.data_vars}:
-        return flight
-    measured = "force" in flight
-    q = stored(flight, "q")
-    flight = flight.isel(time=np.isfinite(q).all(axis=1))
-    force = flight["force"].values if measured else training_data(flight, robot)[2]
-    known = np.isfinite(force)
-    whole = known[:, known.any(axis=0)].all(axis=1)
-    if whole.sum() < 2:
+    flight = flight.isel(time=np.isfinite(stored(flight, "q")).all(axis=1))
+    if "aero_force" not in flight and {"force", "u1"} & {*flight.data_vars}:
+        force = flight["force"].values if "force" in flight else training_data(flight, robot)[2]
+        known = np.isfinite(force)
+        whole = known[:, known.any(axis=0)].all(axis=1)
+        flight = flight.assign(aero_force=(("time", "dof"), force)).isel(time=whole)
+    if flight.sizes["time"] < 2:
         raise FlightError("flight", "two samples with motion and force", "fewer")
-    return flight.assign(aero_force=(("time", "dof"), force)).isel(time=whole)
+    return flight
 
 
 def quaternions(rotation: Array) -> Array:
@@ -339,11 +337,10 @@ def _frames(span: Indices, time: Array, period: float | None, each: int) -> Indi
 
 
 def _bytes_per_frame(robot: Robot, arms: int, predicted: bool) -> int:
-    doubles = 4  # time, origin
     bodies = 7 * (len(robot.bodies) + arms)
     strips = (3 * len(robot.strips) + 6) * (3 if predicted else 2)
     plots = robot.dof * (4 if predicted else 2) + 1
-    return 8 * doubles + 4 * (bodies + strips + plots)
+    return 8 * 4 + 4 * (bodies + strips + plots)  # time and origin are doubles
 
 
 def _arrows(

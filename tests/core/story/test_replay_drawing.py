@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import patagium as pt
-from patagium.errors import ParameterError
+from patagium.errors import FlightError, ParameterError
 from patagium.report.replay_page import Replay, write_replay
 from patagium.report.still import draw_still, solid_faces
 from patagium.report.style import COLORS, SCENE, TRUTH, figures_for
@@ -438,3 +438,83 @@ def test_faces_of_a_solid_enclose_its_volume_and_look_outward(
     along = (np.concatenate([a, b, c, d]) - [1.0, 2.0, 3.0]) @ axis
     if kind in ("capsule", "cylinder"):
         assert np.ptp(along) == pytest.approx(0.5 + (0.2 if kind == "capsule" else 0.0))
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(4e-6, 1.7e-5), (0.9e6, 2.3e6), (-0.022, 0.055), (-0.0095, 0.0095), (3.30e-2, 3.33e-2)],
+)
+def test_each_axis_has_two_labels_that_say_where_they_stand(
+    low: float, high: float, browser: Chromium
+) -> None:
+    """A line at 1.5e-5 was labelled 1e-5, and many axes had the label 0 alone."""
+    labels = browser.ask(f"""(() => {{ {script("flight.js")} {script("plots.js")}
+      const labels = [], plot = {{ range: [{low}, {high}], span: [-1, 1], height: (y) => y }};
+      const fillText = (text, x, y, wide) => labels.push([text, y, wide]);
+      Plot.prototype.axes.call(plot, {{ fillRect: () => null, fillText }}, 46, 5, 280, 75);
+      return labels;
+    }})()""")
+    assert not any("-" in text for text, _, _ in labels)  # the sign is a minus
+    words = {text: height for text, height, wide in labels if wide == 38}  # px at the left
+    said = [float(text.replace("−", "-")) for text in words]
+    np.testing.assert_allclose(said, [*words.values()], rtol=1e-9, atol=1e-9 * high)  # rounding
+    steps = np.diff(said)
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-6)  # rounding
+    assert 2 <= len(said) <= 5 and low <= min(said) and max(said) <= high
+
+
+def small(shown: Replay, scale: float) -> Replay:
+    """Replay of a robot so much smaller, of the same forces."""
+    return replace(
+        shown,
+        origin=scale * shown.origin,
+        position=scale * shown.position,
+        marks=[replace(one, offset=scale * np.array(one.offset)) for one in shown.marks],
+        surfaces=[replace(one, corners=scale * one.corners) for one in shown.surfaces],
+        solids=[k | {n: scale * np.array(k[n]) for n in ("center", "size")} for k in shown.solids],
+    )
+
+
+def test_the_height_of_a_small_robot_has_its_digits(
+    flight: xr.Dataset, browser: Chromium, tmp_path: Path
+) -> None:
+    """The height of a robot of 1 mm was 0.000 m."""
+    shown = small(replay_content(flight), 0.003)
+    page = write_replay(tmp_path / "small.html", shown)
+    browser.go(f"{page.as_uri()}#play=0&t=0.4")
+    words = browser.ask("document.getElementById('moment').textContent")
+    found = re.search(r"z (\S+) m", words)
+    assert found is not None and 1e-4 < abs(shown.origin[-1, 2]) < 1e-3
+    said = float(found[1].replace("−", "-"))
+    assert said == pytest.approx(shown.origin[-1, 2], abs=6e-7)  # m, half of the last digit
+
+
+@pytest.mark.parametrize(
+    ("scale", "force", "said"),
+    [
+        (0.005, 1e-8, r"[125]e-\d+ N = 0.[\d]+ mm · grid 0.[125] mm$"),
+        (500.0, 1e6, r" [125]0+ N = [\d.]+ m · grid [125]0 m$"),
+    ],
+)
+def test_a_still_of_a_small_or_large_robot_has_fitting_units(
+    flight: xr.Dataset, scale: float, force: float, said: str
+) -> None:
+    """Of a robot of 1 mm it said "grid 0.02 cm", of one of 100 m "5e+05 N"."""
+    shown = small(replay_content(flight), scale)
+    assert shown.arrows is not None and shown.arrows.force is not None
+    arrows = replace(shown.arrows, force=force * shown.arrows.force)
+    (words,) = draw_still(replace(shown, arrows=arrows), 500).texts
+    assert re.search(said, words.get_text()) and "e+" not in words.get_text()
+
+
+def test_samples_without_motion_are_left_out(flight: xr.Dataset, tmp_path: Path) -> None:
+    """One q that was missing ended in an error of linear algebra."""
+    holes = flight.copy(deep=True)
+    holes["q"][400:420, 3] = np.nan
+    shown = replay_content(holes)
+    assert len(shown.time) == flight.sizes["time"] - 20 and list(shown.gaps) == [400]
+    assert "No samples from 0.0798 to 0.084 s" in shown.notes[0]
+    assert draw_still(shown, 399).texts
+    holes["q"][:] = np.nan
+    with pytest.raises(FlightError, match="two samples with motion"):
+        pt.replay(holes, tmp_path / "none.html")

@@ -94,6 +94,16 @@ class Flight {
     return mean;
   }
 
+  // How far the robot reaches from its origin.
+  measureReach() {
+    let reach = 0;
+    for (let i = 0; i < this.frames; i += Math.max(1, Math.floor(this.frames / 50))) {
+      for (const { body, offset } of this.marks) reach = Math.max(reach, Math.hypot(...this.pointAt(i, body, offset)));
+      for (const { body, center, carrier } of this.solids) if (!carrier) reach = Math.max(reach, Math.hypot(...this.pointAt(i, body, center)));
+    }
+    return reach || 1;
+  }
+
   meanAt(at, out) { return this.mix(this.mean, 3, 0, 3, at, out); }
 }
 
@@ -113,9 +123,10 @@ function numberText(x) {
   if (Number.isNaN(x)) return "–";
   if (x === 0) return "0";
   const size = Math.abs(x);
-  const text = size >= 1e-3 && size < 1e4 ? x.toPrecision(3) : x.toExponential(1);
-  return text.replace("-", "−");
+  return minus(size >= 1e-3 && size < 1e4 ? x.toPrecision(3) : x.toExponential(1));
 }
+
+function minus(text) { return text.replaceAll("-", "−"); }
 
 function lengthText(meters) {
   const [value, unit] = meters >= 1 ? [meters, "m"] : meters >= 0.01 ? [100 * meters, "cm"] : [1000 * meters, "mm"];

@@ -15,6 +15,7 @@ class Player {
     this.shown = { forces: true, predicted: true, total: false, trail: true };
     this.pace = new Pace();
     this.said = -Infinity;
+    this.decimals = Math.max(3, 2 - Math.floor(Math.log10(flight.measureReach()))); // of a height [m]
     this.plots = new Plots($("plots"), $("choice").querySelector("div"), flight, (t) => this.seek(t));
     try {
       this.view = new View($("view"), flight);
@@ -261,7 +262,7 @@ class Player {
     if (flight.period) words.push(`beat ${((this.time - flight.begin) / flight.period).toFixed(2)}`);
     const speed = flight.mix(flight.speed, 1, 0, 1, at, one)[0];
     if (!flight.knows(this.time)) words.push("no samples");
-    else if (speed > 1e-9) words.push(`${numberText(speed)} m/s`, `z ${(Math.round(1e3 * origin[2]) / 1e3 || 0).toFixed(3).replace("-", "−")} m`);
+    else if (speed > 1e-9) words.push(`${numberText(speed)} m/s`, `z ${minus((+origin[2].toFixed(this.decimals) || 0).toFixed(this.decimals))} m`);
     const past = flight.events.filter(([t]) => t <= this.time);
     if (past.length) words.push(past.at(-1)[1]);
     return words.join("   ");

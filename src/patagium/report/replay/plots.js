@@ -161,16 +161,15 @@ class Plot {
   }
 
   axes(pen, left, top, width, height) {
-    const [low, high] = this.range, step = tickStep((high - low) / 3.6), digits = Math.max(0, -Math.floor(Math.log10(step)));
+    const [low, high] = this.range, step = roundDown((high - low) / 2); // two labels at least, five at most
     pen.textAlign = "right";
     pen.textBaseline = "middle";
-    for (let value = step * Math.ceil(low / step); value <= high; value += step) {
-      const y = this.height(value), zero = Math.abs(value) < 1e-9 * step;
-      pen.fillStyle = zero ? "#b4bec7" : "#e6eaee";
+    for (let k = Math.ceil(low / step); k * step <= high; k++) {
+      const y = this.height(k * step);
+      pen.fillStyle = k ? "#e6eaee" : "#b4bec7";
       pen.fillRect(left, y - 0.5, width, 1);
       pen.fillStyle = "#5a6570";
-      const text = zero ? "0" : digits > 4 || Math.abs(value) >= 1e5 ? value.toExponential(0) : value.toFixed(digits);
-      pen.fillText(text.replace("-", "−"), left - 6, y);
+      pen.fillText(tickText(k * step, step), left - 6, y, left - 8); // narrower rather than cut
     }
     pen.textAlign = "center";
     pen.textBaseline = "top";
@@ -181,7 +180,7 @@ class Plot {
       pen.fillStyle = "#e6eaee";
       pen.fillRect(x - 0.5, top, 1, height);
       pen.fillStyle = "#5a6570";
-      if (x < left + width - 12) pen.fillText(t.toFixed(decimals), x, top + height + 4);
+      if (x < left + width - 12) pen.fillText(minus(t.toFixed(decimals)), x, top + height + 4);
     }
     pen.textAlign = "right";
     pen.fillText("s", left + width + 6, top + height + 4);
@@ -199,6 +198,14 @@ function valueRange({ values }) {
   if (low > high) return [-1, 1];
   const room = 0.12 * (high - low) || 0.1 * Math.abs(high) || 1;
   return [low - room, high + room];
+}
+
+// A number with the digits that tell it from those a step away.
+function tickText(value, step) {
+  if (!value) return "0";
+  const size = Math.abs(value), digits = -Math.floor(Math.log10(step));
+  const powers = digits > 4 || size >= 1e5, more = powers ? Math.floor(Math.log10(size)) : 0;
+  return minus(value[powers ? "toExponential" : "toFixed"](Math.max(0, digits + more)));
 }
 
 function tickStep(rough) {

@@ -14,7 +14,7 @@ class View {
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(LOOK.paper);
     this.scene.fog = new THREE.Fog(LOOK.paper, 1, 10);
-    this.reach = this.measureReach();
+    this.reach = flight.measureReach();
     this.ground = this.groundHeight();
     this.anchor = [0, 0, 0];
     this.following = true;
@@ -39,17 +39,6 @@ class View {
     this.controls.minDistance = 0.6 * this.reach;
     this.resize();
     if (flight.ground === null) this.look("oblique"); else this.lookAtAll();
-  }
-
-  // How far the robot reaches from its origin.
-  measureReach() {
-    const { flight } = this;
-    let reach = 0;
-    for (let i = 0; i < flight.frames; i += Math.max(1, Math.floor(flight.frames / 50))) {
-      for (const { body, offset } of flight.marks) reach = Math.max(reach, Math.hypot(...flight.pointAt(i, body, offset)));
-      for (const { body, center, carrier } of flight.solids) if (!carrier) reach = Math.max(reach, Math.hypot(...flight.pointAt(i, body, center)));
-    }
-    return reach || 1;
   }
 
   // Where an arm stands, or a round height that the robot never goes below. Under a robot that
