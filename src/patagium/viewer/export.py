@@ -1,16 +1,19 @@
 """Flights, forces and predictions as recordings of other tools: MCAP and Rerun.
 
-A topic is a variable over time. Its names along the other axes are those of the file, its unit
-is in the schema; bodies are frames in the world. Neglected: what is not over time.
+A topic is a variable over time, that of samples, of a controller or of updates. Its names along
+the other axes are those of the file, its unit is in the schema; bodies are frames in the world.
+Neglected: what is not over time.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from heapq import merge
 from importlib import import_module
-from itertools import product
+from itertools import count, product, repeat
 from math import isfinite
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +21,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import LogError, ParameterError
 from patagium.sensing.force.air_force import PARTS, packet_columns
@@ -35,12 +38,14 @@ class Topic(NamedTuple):
         units: SI unit of each number.
         labels: Names of the numbers, such as `left_plunge` or `left_wing[3]/x`.
         values: Numbers, (N, k) [`units`].
+        time: Their times, (N,) [s].
     """
 
     name: str
     units: tuple[str, ...]
     labels: tuple[str, ...]
     values: Array
+    time: Array
 
 
 def topics_of(record: xr.Dataset) -> list[Topic]:
@@ -51,18 +56,25 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
     """
     others = [str(name) for name in record.data_vars if name not in PARTS]
     columns = packet_columns(robot_of(record, late=True), others) if "robot" in record.attrs else ()
-    known, found = {one.name: one.unit for one in columns}, []
+    known, clocks = {one.name: one.unit for one in columns}, {*_clocks(record)}
+    found = []
     for name, variable in record.data_vars.items():
-        if variable.dims[:1] != ("time",) or variable.dtype.kind not in "fiub":
+        if not {*variable.dims[:1]} & clocks or variable.dtype.kind not in "fiub":
             continue
         axes = [map(str, record[dim].to_numpy()) for dim in variable.dims[1:]]  # or their numbers
         labels = tuple("/".join(names) for names in product(*axes)) if axes else ("value",)
         values = variable.to_numpy().reshape(len(variable), -1).astype(float)
-        if values.shape[1]:
-            found.append(Topic(str(name), _units(record, variable, labels, known), labels, values))
+        if values.size:
+            units, time = _units(record, variable, labels, known), variable[variable.dims[0]]
+            found.append(Topic(str(name), units, labels, values, time.to_numpy()))
     if not found:
         raise LogError("file", "quantities over time", "none")
     return found
+
+
+def _clocks(record: xr.Dataset) -> list[str]:
+    """Dimensions of times, such as `time` and `control_time`."""
+    return [str(dim) for dim in record.sizes if f"_{dim}".endswith("_time")]
 
 
 def _units(
@@ -73,6 +85,8 @@ def _units(
     for dim, units in (("output", "unit"), ("lag", "lag_unit")):
         if variable.dims[1:] == (dim,) and units in record:
             return tuple(map(str, record[units].values))
+    if "state" in variable.dims and known:  # of a controller: q, then v, as a packet after its time
+        return tuple(known.values())[1 : 1 + len(labels)]
     if "component" in variable.dims:  # of a wrench
         return tuple("N m" if "moment_" in label else "N" for label in labels)
     own = known if " or " in unit else {}
@@ -83,13 +97,13 @@ def body_frames(record: xr.Dataset) -> dict[str, tuple[Array, Array]]:
     """Position, (N, 3) [m], and quaternion x, y, z, w, (N, 4) [1], of each body of the robot.
 
     Args:
-        record: The file; without a robot or its coordinates no body has a frame.
+        record: The file, whose q is finite; without a robot or its q no body has a frame.
     """
     if "q" not in record or "robot" not in record.attrs:
         return {}
     robot = robot_of(record, late=True)
     q = record["q"].to_numpy()
-    if q.shape[1] != robot.coordinate_count:
+    if not len(q) or q.shape[1] != robot.coordinate_count:
         return {}
     origins, axes = poses_at(robot, q)
     turns = Rotation.from_matrix(axes.reshape(-1, 3, 3)).as_quat().reshape(len(q), -1, 4)
@@ -125,15 +139,18 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         raise ParameterError("export", expected, None) from None
     if not record.sizes.get("time"):
         raise LogError("file", "samples", "none")
-    record = record.transpose("time", ...)
+    record = record.transpose(*_clocks(record), ...)
     topics = topics_of(record)
-    _check_clock(record["time"].to_numpy())
+    for clock in _clocks(record):
+        _check_clock(clock, record[clock].to_numpy())
+    if "q" in record and "robot" in record.attrs:  # for frames, at the times that have them
+        record = record[["q"]].isel(time=np.isfinite(record["q"].to_numpy()).all(axis=1))
     with whole_file(target) as draft:
         write(library, draft, record, topics)
     return target
 
 
-def _check_clock(time: Array) -> None:
+def _check_clock(clock: str, time: Array) -> None:
     """Refuse a record whose times are not finite, or whose clock was reset and mixes two parts."""
     if not np.isfinite(time).all():
         raise LogError("file", "times", time[~np.isfinite(time)][0])
@@ -142,38 +159,40 @@ def _check_clock(time: Array) -> None:
         row = int((back > _LATE).argmax())
         raise LogError(
             f"file: expected times that advance, found a clock reset by {back[row]:.3g} s; cut it "
-            f"at sample {row}, as with ncks -d time,{row},"
+            f"at sample {row}, as with ncks -d {clock},{row},"
         )
 
 
 def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic]) -> None:
-    """Messages in JSON, each with the JSON schema of its topic."""
-    times = (record["time"].to_numpy() * 1e9).round().astype(np.int64)
-    times = times - min(0, int(times.min(initial=0)))  # stamps of MCAP are no less than zero
+    """Messages in JSON, each with the JSON schema of its topic, in the order of their stamps."""
+    first = min(0.0, *(one.time.min() for one in topics))  # stamps of MCAP are no less than zero
+    known, streams = [], []
+    for one in topics:
+        named = zip(one.labels, one.units, strict=True)
+        schema = _object(**{k: {"type": "number", "description": unit} for k, unit in named})
+        times = _stamps(one.time - first)
+        known.append((f"patagium.{one.name}", f"/{one.name}", schema, times, _messages(one)))
+    frames, times = body_frames(record), _stamps(record["time"].to_numpy() - first)
+    if frames:
+        messages = _frame_messages(frames, times)
+        known.append(("foxglove.FrameTransforms", "/tf", _FRAMES, times, messages))
     with path.open("wb") as file:
         writer = library.Writer(file)
         writer.start(library=f"patagium {__version__}")
         writer.add_metadata("patagium", {name: str(one) for name, one in record.attrs.items()})
-        streams = []
-        for one in topics:
-            named = zip(one.labels, one.units, strict=True)
-            schema = _object(**{k: {"type": "number", "description": unit} for k, unit in named})
-            channel = _registered(writer, f"patagium.{one.name}", f"/{one.name}", schema)
-            streams.append((channel, _messages(one)))
-        frames = body_frames(record)
-        if frames:
-            channel = _registered(writer, "foxglove.FrameTransforms", "/tf", _FRAMES)
-            streams.append((channel, _frame_messages(frames, times)))
-        for number, time in enumerate(times.tolist()):
-            for channel, messages in streams:
-                writer.add_message(channel, time, next(messages).encode(), time, number)
+        for name, topic, schema, times, messages in known:
+            words = json.dumps(schema).encode()
+            kind = writer.register_schema(name=name, encoding="jsonschema", data=words)
+            channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=kind)
+            streams.append(zip(times, repeat(channel), count(), messages, strict=False))
+        for time, channel, number, message in merge(*streams, key=itemgetter(0)):
+            writer.add_message(channel, time, message.encode(), time, number)
         writer.finish()
 
 
-def _registered(writer: Any, name: str, topic: str, schema: dict[str, Any]) -> int:
-    words = json.dumps(schema).encode()
-    known = writer.register_schema(name=name, encoding="jsonschema", data=words)
-    return int(writer.register_channel(topic=topic, message_encoding="json", schema_id=known))
+def _stamps(time: Array) -> list[int]:
+    """Times [s] in whole nanoseconds."""
+    return [round(1e9 * one) for one in time.tolist()]
 
 
 def _messages(topic: Topic) -> Iterator[str]:
@@ -190,9 +209,9 @@ def _messages(topic: Topic) -> Iterator[str]:
             yield mixed % tuple(repr(one) if isfinite(one) else "null" for one in row)
 
 
-def _frame_messages(frames: dict[str, tuple[Array, Array]], times: Indices) -> Iterator[str]:
+def _frame_messages(frames: dict[str, tuple[Array, Array]], times: list[int]) -> Iterator[str]:
     """Frames of all bodies at each time, in JSON."""
-    for k, time in enumerate(times.tolist()):
+    for k, time in enumerate(times):
         seconds, rest = divmod(time, 10**9)
         stamp = {"sec": seconds, "nsec": rest}
         found = []
@@ -228,12 +247,13 @@ def _write_rerun(library: Any, path: Path, record: xr.Dataset, topics: list[Topi
     """Scalars of each topic, and the frames of the bodies, over time."""
     recording = library.RecordingStream("patagium")
     recording.save(path)
-    time = library.TimeColumn("time", duration=record["time"].to_numpy())
     for topic in topics:
         words = [f"{k} [{unit}]" for k, unit in zip(topic.labels, topic.units, strict=True)]
         recording.log(topic.name, library.SeriesLines(names=words), static=True)
         columns = library.Scalars.columns(scalars=topic.values)
+        time = library.TimeColumn("time", duration=topic.time)
         recording.send_columns(topic.name, indexes=[time], columns=columns)
+    time = library.TimeColumn("time", duration=record["time"].to_numpy())
     for name, (place, turn) in body_frames(record).items():
         columns = library.Transform3D.columns(translation=place, quaternion=turn)
         recording.send_columns(f"world/{name}", indexes=[time], columns=columns)

@@ -8,6 +8,7 @@ import pytest
 import patagium as pt
 from patagium import control
 from patagium.report.figures import events_of, flight_overview, off_reference
+from patagium.viewer.export import topics_of
 from patagium.viewer.replay import replay_content
 
 COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
@@ -47,6 +48,18 @@ def test_the_replay_has_a_ghost_that_follows_the_reference(flight, tmp_path):
     apart = np.abs(shown.origin - other.origin)[:, 2]
     assert apart[shown.time < 0.3].max() < 1e-3 < 0.03 < apart[shown.time > 0.3].max()  # m
     assert shown.events == [(0.3, "a gust of 0, 0, 1 m/s, 0.2 s long")] == events_of(flight)
+
+
+def test_an_export_has_what_the_controller_knew_and_wanted(flight):
+    """Both were left out, as their times are those of the controller."""
+    found = {one.name: one for one in topics_of(flight)}
+    for name in ("estimate", "reference"):
+        topic = found[name]
+        np.testing.assert_array_equal(topic.time, flight["control_time"])
+        np.testing.assert_array_equal(topic.values, flight[name])
+        units = dict(zip(topic.labels, topic.units, strict=True))
+        assert units["z"] == "m" and units["pitch"] == "rad"
+        assert units["velocity of z"] == "m/s" and units["velocity of pitch"] == "rad/s"
 
 
 def test_a_flight_without_a_loop_has_none_of_it(flight):

@@ -84,6 +84,44 @@ def test_a_clock_that_was_reset_is_refused(flight: xr.Dataset, tmp_path: Path) -
     assert not (tmp_path / "both.mcap").exists()
 
 
+def test_times_without_motion_have_no_frames(flight: xr.Dataset, tmp_path: Path) -> None:
+    """One q that was missing ended in an error of linear algebra."""
+    record, lost = flight.copy(deep=True), [3, 4, 50]
+    record["q"][lost, 6] = [np.nan, np.inf, np.nan]
+    messages, _, _ = read(export(record, tmp_path / "holes.mcap"))
+    assert [k for k, (_, row) in enumerate(messages["/q"]) if row["left_plunge"] is None] == lost
+    frames = {time: row for time, row in messages["/tf"]}
+    kept = [one for k, one in enumerate(messages["/q"]) if k not in lost]
+    assert list(frames) == [time for time, _ in kept]
+    for time, row in kept:
+        place = frames[time]["transforms"][0]["translation"]
+        assert place["x"] == pytest.approx(row["x"], abs=1e-11)  # 12 digits
+    record["q"][:] = np.nan
+    assert "/tf" not in read(export(record, tmp_path / "none.mcap"))[0]
+
+
+def test_what_has_times_of_its_own_goes_along(flight: xr.Dataset, tmp_path: Path) -> None:
+    """What a controller knew and wanted was left out without a word."""
+    robot = pt.load_robot("aerobat")
+    states = [*robot.coordinate_names, *(f"velocity of {name}" for name in robot.dof_names)]
+    time, wanted = np.array([-0.01, 0.015, 0.05]), np.arange(3.0 * len(states)).reshape(3, -1)
+    dims, units = ("control_time", "state"), {"units": "m, rad, 1 or per s"}  # as of `fly`
+    record = flight.assign_coords(control_time=time, state=states)
+    record["reference"] = (dims, wanted, units)
+    messages, schemas, _ = read(export(record, tmp_path / "loop.mcap"))
+    stamps = [stamp for stamp, _ in messages["/reference"]]
+    assert stamps == [0, 25_000_000, 60_000_000] and messages["/q"][0][0] == 10_000_000
+    np.testing.assert_array_equal([[*row.values()] for _, row in messages["/reference"]], wanted)
+    told = {k: one["description"] for k, one in schemas["/reference"]["properties"].items()}
+    assert list(told) == states
+    assert told["x"] == "m" and told["left_plunge"] == "rad" and told["velocity of x"] == "m/s"
+    with (tmp_path / "loop.mcap").open("rb") as file:
+        order = [
+            one.log_time for _, _, one in make_reader(file).iter_messages(log_time_order=False)
+        ]
+    assert order == sorted(order)
+
+
 def test_dimensions_in_another_order_lose_nothing(flight: xr.Dataset, tmp_path: Path) -> None:
     """Coordinates and forces were left out, and frames of as many samples as coordinates wrong."""
     record = flight.isel(time=slice(0, flight.sizes["dof"]))
