@@ -443,7 +443,7 @@ def _controller(
         "averaged": partial(LinearRegulator, averaged=True),
     }
     law = kinds[part.type](orbit, named, tolerable=dict(part.tolerable))
-    return AdaptiveController(law, orbit) if part.learn else law
+    return AdaptiveController(law) if part.learn else law
 
 
 def event_of(part: BaseModel) -> Event:

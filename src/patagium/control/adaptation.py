@@ -31,7 +31,7 @@ from patagium.control.predictive import OrbitController, OuterController
 from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
-from patagium.simulation.simulator import FlightState
+from patagium.simulation.simulator import FlightState, check_robots
 
 EFFECTIVENESS_STD, WRENCH_STD = 0.15, 0.3
 """Standard deviations before any flight: of the effectiveness of a strip [1], and of the force
@@ -252,6 +252,13 @@ class _Beat(NamedTuple):
     measured: Array
 
 
+def _neutral(air: Aerodynamics) -> Array:
+    """Weights of `LearnedAir` with which it is a model without states, (n_w,) [1, N, N m]."""
+    if air.state_size:
+        raise ParameterError("air", "air without states of its own (quasi-steady)", air.name)
+    return np.asarray(LearnedAir(air).weights)
+
+
 class AdaptiveController(OuterController):
     """Controller along an orbit that follows a model of the air, which relearns in flight.
 
@@ -265,40 +272,34 @@ class AdaptiveController(OuterController):
     weights by more than it did without them (`Departures`).
 
     Args:
-        controller: Controller along the orbit.
-        orbit: That orbit; its robot and air are the design model.
+        controller: Controller along an orbit, whose robot and air are the design model.
         memory: Beats that are remembered.
 
     Raises:
         ParameterError: If the memory is not longer than a beat, the air has states of its own, or
-            the controller has no command but the frequency.
+            the controller follows no `Orbit` or has no command but the frequency.
 
     Attributes:
         learner: Weights of the air as they are learned.
         learning: Whether it learns; it may be switched on the way.
         weights: Weights of the orbit that is followed.
-        orbit: That orbit.
+        orbit: Orbit that is followed.
         counts: Number of beats by what became of the orbit, and of the model.
     """
 
     @checked
-    def __init__(
-        self, controller: OrbitController, orbit: Orbit, *, memory: float = MEMORY
-    ) -> None:
-        if orbit.aero.state_size:
-            expected = "air without states of its own (quasi-steady)"
-            raise ParameterError("orbit", expected, orbit.aero.name)
-        model = controller.model
+    def __init__(self, controller: OrbitController, *, memory: float = MEMORY) -> None:
+        model, orbit = controller.model, controller.model.orbit
+        if not isinstance(orbit, Orbit):
+            raise ParameterError("controller", "one along an orbit of pt.trim", orbit)
         if model.commands == ("frequency",):
             raise ParameterError("commands", "one beside the frequency", model.commands)
         self.controller, self._design, self._memory = controller, orbit, memory
-        robot, strips = orbit.robot, orbit.robot.strips
-        weight = robot.scale_gravity * robot.mass
-        lever = float(np.mean([strip.chord for strip in strips]))
-        wrench = weight * np.array([1.0, 1.0, lever])
-        self._stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]
-        self._least = np.r_[np.zeros(len(strips)), -wrench]
-        self._most = np.r_[np.full(len(strips), 2.0), wrench]
+        robot, ones = orbit.robot, np.ones(len(orbit.robot.strips))
+        lever = float(np.mean([strip.chord for strip in robot.strips]))
+        wrench = robot.scale_gravity * robot.mass * np.array([1.0, 1.0, lever])
+        self._stds = np.r_[EFFECTIVENESS_STD * ones, WRENCH_STD * wrench]
+        self._least, self._most = np.r_[0 * ones, -wrench], np.r_[2 * ones, wrench]
         self.learning = True
         self._begin()
 
@@ -308,7 +309,7 @@ class AdaptiveController(OuterController):
     def _begin(self) -> None:
         """Know the design model alone."""
         self.orbit, self._air, self._surprised = self._design, self._design.aero, False
-        self.weights = np.asarray(LearnedAir(self._air).weights)
+        self.weights = _neutral(self._air)
         self.learner = AirWeights(self.weights, self._stds, self._memory)
         self._samples: dict[int, Array] = {}
         self._ripple: Array | None = None
@@ -344,11 +345,17 @@ class AdaptiveController(OuterController):
             told += f" The learned model was never followed; {why}."
         return told
 
+    @checked
     def take(self, air: Aerodynamics) -> None:
         """Replace robot and air of the model, for example after a known loss of a wing tip.
 
         Most of what was learned is forgotten, and the beat so far teaches nothing.
+
+        Raises:
+            ParameterError: If the air is another robot's, has states of its own, or is learned.
         """
+        check_robots(self._air.robot, air)
+        _neutral(air)
         self._surprised = False
         self._departures = Departures()
         self._samples.clear()
@@ -370,9 +377,7 @@ class AdaptiveController(OuterController):
             LearnedAir(self._air, weights),
             design.gait,
             free=self.model.commands,
-            speed=design.speed,
-            climb=design.climb,
-            turn_rate=design.turn_rate,
+            **{k: getattr(design, k) for k in ("speed", "climb", "turn_rate")},
             start=design,
             added_mass=self._added_mass(self._air),
             tolerable={k: size for k, size in STIFFNESS.items() if k in design.names},
@@ -411,10 +416,10 @@ class AdaptiveController(OuterController):
             again, self._surprised = self._surprised, True
             if self._cut(first, beat, surprise):
                 self.use(self._wanted(), first)
-                return
-            self.counts["beyond the model"] += 1
-            if again and followed:
-                self.use(self.learner.prior, first)
+            else:
+                self.counts["beyond the model"] += 1
+                if again and followed:
+                    self.use(self.learner.prior, first)
             return
         self._surprised = False
         self.learner.learn(*self._whitened(beat), float(np.mean(self._disturbance.alike)))
@@ -430,8 +435,7 @@ class AdaptiveController(OuterController):
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        stays = self._disturbance.stays and learner.better
-        if self._departures.pause or not stays:
+        if self._departures.pause or not (self._disturbance.stays and learner.better):
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
@@ -537,8 +541,7 @@ class AdaptiveController(OuterController):
         samples and that of the disturbance.
         """
         noise, ripple = self._noise(beat), self._missed(beat).var(axis=0)
-        slopes = beat.slopes.mean(axis=0)
-        measured = beat.measured.mean(axis=0)
+        slopes, measured = (part.mean(axis=0) for part in beat)
         within, apart = beat.slopes - slopes, beat.measured - measured
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS

@@ -194,7 +194,7 @@ def test_a_controller_that_learns_begins_each_flight_without_what_it_learned():
     robot = pt.load_robot("aerobat")  # which is compiled for other tests too
     orbit = pt.trim(robot, pt.QuasiSteady(robot, polar=pt.air.SmoothPolar()))
     wings = ("left_plunge_amplitude", "right_plunge_amplitude", "feather_amplitude")
-    controller = AdaptiveController(LinearRegulator(orbit, wings), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, wings))
     told = [
         (flown(orbit, controller, duration=0.6).attrs["controller"], controller.learner.weights)
         for _ in range(2)

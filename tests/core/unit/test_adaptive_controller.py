@@ -1,6 +1,6 @@
 """Does a model of the air that relearns in flight bring a changed robot back to its orbit?"""
 
-from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -159,7 +159,7 @@ def test_damaged_robot_comes_back_to_height_and_heading(orbit):
     robot, beats = damaged(orbit.robot), 60
     words = {"tolerable": FIRM, "change_cost": 0.0}
     fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, **words), robot, beats)
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, **words), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, **words))
     learned = flown(orbit, controller, robot, beats)
     assert abs(learned[0]) < 0.02 and abs(fixed[0]) < 0.02  # m: the regulator alone does that
     assert abs(learned[1]) < 0.5 * abs(fixed[1])  # .04 and .17 rad
@@ -171,7 +171,7 @@ def test_damaged_robot_comes_back_to_height_and_heading(orbit):
 
 def test_predictive_controller_takes_what_was_learned(orbit):
     law = PredictiveController(orbit, COMMANDS, tolerable=FIRM)
-    controller = AdaptiveController(law, orbit)
+    controller = AdaptiveController(law)
     flown(orbit, controller, damaged(orbit.robot), beats=35)  # until the error is no gust
     assert controller.counts["moved"] >= 1 and not controller.held
     model, program = law.model, law.iteration.program
@@ -180,7 +180,7 @@ def test_predictive_controller_takes_what_was_learned(orbit):
 
 
 def test_samples_that_are_none_are_not_learned(orbit):
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE))
     for k in range(21):
         assert controller(k * controller.period, None) == {}
     assert controller.counts == {"without samples": 2}
@@ -189,7 +189,7 @@ def test_samples_that_are_none_are_not_learned(orbit):
 
 @pytest.mark.parametrize("law", [LinearRegulator, PredictiveController])
 def test_late_and_unknown_samples_hold_the_command_and_teach_nothing(orbit, law):
-    controller = AdaptiveController(law(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    controller = AdaptiveController(law(orbit, COMMANDS, tolerable=TOLERABLE))
     start = orbit.start()
     for k in range(21):
         time, q, v = k * controller.period, start["q"].copy(), start["v"].copy()
@@ -206,7 +206,7 @@ def test_late_and_unknown_samples_hold_the_command_and_teach_nothing(orbit, law)
 
 
 def test_weights_without_an_orbit_leave_the_last_one(orbit):
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE))
     weightless = np.zeros(13)
     before = controller.controller.model
     assert not controller.use(weightless, 10)
@@ -220,21 +220,50 @@ def test_weights_without_an_orbit_leave_the_last_one(orbit):
 def test_what_cannot_be_adapted_is_refused(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
     with pytest.raises(ParameterError, match="memory"):
-        AdaptiveController(law, orbit, memory=1.0)
+        AdaptiveController(law, memory=1.0)
+    alike = SimpleNamespace(**{k: getattr(orbit, k) for k in ("map", "gait", "steps", "states")})
+    with pytest.raises(ParameterError, match="controller: expected one along an orbit of pt.trim"):
+        AdaptiveController(LinearRegulator(alike, COMMANDS, tolerable=TOLERABLE))
+
+
+def test_the_design_is_the_orbit_of_the_controller(orbit):
+    """Another could be given: of another leg it learned nothing, of another robot it broke."""
+    with pytest.raises(TypeError):
+        AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE))
+    assert controller.orbit is orbit
+
+
+@pytest.mark.parametrize(
+    ("air", "told"),
+    [
+        (lambda _: 3, "air: expected a model of the air such as"),
+        (lambda _: pt.QuasiSteady(pt.load_robot("ornithopter")), "aero: expected .* aerobat"),
+        (lambda orbit: pt.DeLaurier(orbit.robot), "air: expected air without states"),
+        (lambda orbit: LearnedAir(orbit.aero), "model: expected .* another kind than learned"),
+    ],
+)
+def test_air_that_is_none_of_the_robot_is_not_taken(orbit, air, told):
+    """It was taken, and broke the flight at the end of a beat."""
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE))
+    with pytest.raises(ParameterError, match=told):
+        controller.take(air(orbit))
+    assert controller._air is orbit.aero
 
 
 def test_a_robot_without_gravity_learns_as_on_earth(orbit):
     """Deviations of the wrench were shares of a weight of zero: `learn: true` was refused."""
-    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
-    afloat = replace(orbit, robot=orbit.robot.with_parameters({"gravity": 0.0}))
-    own, usual = (AdaptiveController(law, one).learner.stds for one in (afloat, orbit))
+    robot = orbit.robot.with_parameters({"gravity": 0.0})
+    afloat = pt.trim(robot, QuasiSteady(robot, polar=SmoothPolar()), start=orbit)
+    laws = (LinearRegulator(one, COMMANDS, tolerable=TOLERABLE) for one in (afloat, orbit))
+    own, usual = (AdaptiveController(law).learner.stds for law in laws)
     np.testing.assert_allclose(own, usual, rtol=1e-3)  # 9.81 of the file, 9.80665
 
 
 @pytest.mark.parametrize("wing", ["left_wing", "right_wing"])
 def test_a_wing_cut_in_flight_is_found_and_taken_over(orbit, wing):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
-    controller, share, beat = AdaptiveController(law, orbit), 0.3, orbit.period
+    controller, share, beat = AdaptiveController(law), 0.3, orbit.period
     cut = WingLossEvent(time=5.4 * beat, wing=wing, share=share)
     flight = pt.fly(
         orbit.robot, QuasiSteady(orbit.robot), controller, orbit=orbit, duration=25 * beat,
@@ -255,7 +284,7 @@ def test_a_wing_cut_in_flight_is_found_and_taken_over(orbit, wing):
 def test_noise_that_surprises_is_no_cut(orbit, seed):
     """Noise of 0.3 rad/s is somewhat more than what passes, and some cut takes a part of it."""
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
-    controller, draw = AdaptiveController(law, orbit), np.random.default_rng(seed)
+    controller, draw = AdaptiveController(law), np.random.default_rng(seed)
     robot, model = orbit.robot, law.model
     for k in range(61):
         state = dict(zip(model.names, model.course.along(k), strict=True))
@@ -270,7 +299,7 @@ def test_noise_that_surprises_is_no_cut(orbit, seed):
 
 def test_the_way_to_another_orbit_is_not_learned(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=FIRM)
-    controller, beat = AdaptiveController(law, orbit), orbit.period
+    controller, beat = AdaptiveController(law), orbit.period
     cut = WingLossEvent(time=5.4 * beat, wing="right_wing", share=0.3)
     pt.fly(
         orbit.robot, QuasiSteady(orbit.robot), controller, orbit=orbit, duration=12 * beat,
@@ -282,7 +311,7 @@ def test_the_way_to_another_orbit_is_not_learned(orbit):
 
 def test_a_cut_late_in_a_beat_is_not_taken_for_usual(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
-    controller, beat = AdaptiveController(law, orbit), orbit.period
+    controller, beat = AdaptiveController(law), orbit.period
     cut = WingLossEvent(time=5.9 * beat, wing="right_wing", share=0.3)
     pt.fly(orbit.robot, orbit.aero, controller, orbit=orbit, duration=9 * beat, events=[cut])
     assert controller.counts["cut of a wing found"] == 1
@@ -295,7 +324,7 @@ def test_a_cut_late_in_a_beat_is_not_taken_for_usual(orbit):
 
 def test_heading_goes_on_on_another_orbit(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
-    controller, before = AdaptiveController(law, orbit), law.model
+    controller, before = AdaptiveController(law), law.model
     weights = np.array(controller.weights)
     weights[3:5] = 0.5  # a left wing that carries less: yaw is no longer mirrored in a beat
     assert controller.use(weights, 10)
@@ -309,7 +338,7 @@ def test_heading_goes_on_on_another_orbit(orbit):
 
 def test_what_no_cut_explains_is_not_learned(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
-    controller, draw = AdaptiveController(law, orbit), np.random.default_rng(0)
+    controller, draw = AdaptiveController(law), np.random.default_rng(0)
     robot, model = orbit.robot, law.model
     for k in range(81):
         state = dict(zip(model.names, model.course.along(k), strict=True))
@@ -372,7 +401,7 @@ def test_an_error_among_gusts_is_known_in_time(rng: np.random.Generator) -> None
 
 
 def test_a_ripple_that_repeats_does_not_set_the_weights(orbit):
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS))
     draw, prior = np.random.default_rng(0), controller.learner.prior
     slopes, ripple = 0.1 * draw.normal(size=(10, 6, 13)), draw.normal(size=(10, 6))
     for _ in range(50):  # beats whose means vary as in gusts, and tell nothing
@@ -387,7 +416,7 @@ def test_a_bird_at_the_limit_of_its_amplitude_beats_faster_in_thin_air():
     robot = pt.load_robot("ornithopter")
     orbit = pt.trim(robot)
     law = LinearRegulator(orbit, tuple(robot.actuators))
-    controller = AdaptiveController(law, orbit)
+    controller = AdaptiveController(law)
     weights = np.array(controller.weights)
     weights[: len(robot.strips)] = 0.94
     assert controller.use(weights, 10)
@@ -396,7 +425,7 @@ def test_a_bird_at_the_limit_of_its_amplitude_beats_faster_in_thin_air():
 
 
 def test_weights_that_are_not_followed_any_more_are_counted(orbit):
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE))
     weights = np.array(controller.weights)
     weights[:5] = 0.9
     assert controller.use(weights, 0)

@@ -148,7 +148,7 @@ def test_a_turn_is_flown_round_and_round(turn, kind, angle):
 
 def test_a_learning_controller_keeps_the_turn(turn):
     law = control.LinearRegulator(turn, STEERING)
-    adaptive = control.AdaptiveController(law, turn)
+    adaptive = control.AdaptiveController(law)
     weights = np.array(adaptive.weights)
     weights[:5] = 0.95
     before = law.model.course

@@ -107,7 +107,7 @@ def control_calls() -> dict[str, Valid]:
             ("parts", "tolerable", "limits"),
         ),
         "AdaptiveController": Valid(
-            control.AdaptiveController, {"controller": law, "orbit": orbit, "memory": 10.0}
+            control.AdaptiveController, {"controller": law, "memory": 10.0}
         ),
         "AirWeights": Valid(
             control.AirWeights, {"prior": np.ones(2), "stds": np.ones(2), "memory": 10.0}

@@ -192,7 +192,7 @@ def fly(flight: Flight) -> dict[str, Any]:
     controller: Any = law
     if flight.learner != OFF:
         kind = ForgettingOnly if flight.learner == FORGETTING else AdaptiveController
-        controller = adaptive = kind(law, orbit)
+        controller = adaptive = kind(law)
         if flight.learner == GRADIENT:
             own = adaptive.learner
             adaptive.learner = GradientWeights(own.prior, own.stds, MEMORY)
