@@ -153,6 +153,9 @@ class Autopilot:
             self._struct.run, self._struct.pipeline = chain.native
         self._run = over_rows(kernel.autopilot_run, self._struct)
 
+    def __reduce__(self) -> Any:  # of copies too
+        raise ParameterError("copy", "another Autopilot(tracker, regulator)", self)
+
     def __repr__(self) -> str:
         return f"<Autopilot of {self._name}: {', '.join(self.places)}>"
 
@@ -269,8 +272,7 @@ class Autopilot:
         for name, values in given.items():
             check_names("samples", [name], self.places, "those of")
             place = self.places[name]
-            part = real_array(name, values, row[place].shape)
-            row[place] = part
+            row[place] = real_array(name, values, row[place].shape)
         return self.run(row[None])
 
     def run(self, rows: ArrayLike) -> Ticks:

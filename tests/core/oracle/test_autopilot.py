@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -304,6 +306,14 @@ def test_parts_that_do_not_go_together_are_refused(orbit, log):
         autopilot.step(1.0, {CAMERA.name: [1.0, 2.0]})
     with pytest.raises(ShapeError, match="rows"):
         autopilot.run(np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_copy_is_refused(orbit, log, again):
+    """A shallow one moved the original, which then counted its samples as late."""
+    autopilot = Autopilot(tracked(orbit, [], 40, True, log), LinearRegulator(orbit, COMMANDS))
+    with pytest.raises(ParameterError, match=r"copy: expected another Autopilot\(tracker, reg"):
+        again(autopilot)
 
 
 def test_arguments_of_a_wrong_kind_are_told(orbit, log):
