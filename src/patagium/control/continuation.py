@@ -23,7 +23,7 @@ from patagium.control.gait_family import gait_family
 from patagium.control.orbit import STILL, Orbit
 from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
 from patagium.control.trimming import Point as SearchPoint
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 
 _NEWTON = 8  # steps of a correction, at most
 _FIRST, _LONGEST = 1 / 40, 1 / 12  # parts of the range that a step changes the parameter by
@@ -129,14 +129,13 @@ def continue_orbit(
         progress: Function that takes the orbits found, and those at most.
 
     Raises:
-        ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
-            conditions are more than the orbit's free parameters.
+        ParameterError: If there is no such parameter, the points are below one, the orbit is
+            outside of the limits, or the conditions are more than the orbit's free parameters.
     """
-    for name in hold:
-        if name not in ("speed", "climb"):
-            raise ParameterError("hold", "speed or climb", name)
-    held = {name: getattr(orbit, name) for name in hold if name != along}
-    curve = _Curve(orbit, along, held)
+    check_names("hold", hold, ("speed", "climb"))
+    if points < 1:
+        raise ParameterError("points", "one orbit at least", points)
+    curve = _Curve(orbit, along, {k: getattr(orbit, k) for k in hold if k != along})
     low, high = limits
     if not (low <= curve.first.value <= high and 0 < high - low < np.inf):
         own = f"{along} {curve.first.value:.6g} {curve.unit}"

@@ -164,8 +164,11 @@ def test_refusals(aerobat):
         continue_orbit(aerobat, "speed", (4.0, 5.0))
     with pytest.raises(ParameterError, match="along"):
         continue_orbit(aerobat, "plunge", (0.0, 1.0))
-    with pytest.raises(ParameterError, match="speed or climb"):
+    with pytest.raises(ParameterError, match="hold: expected one of speed, climb"):
         continue_orbit(aerobat, "speed", (2.0, 3.0), hold=("yaw",))
+    for points in (0, -1):
+        with pytest.raises(ParameterError, match="points: expected one orbit at least"):
+            continue_orbit(aerobat, "speed", (2.0, 3.0), points=points)
 
 
 def test_the_verb_shows_a_branch_and_a_picture(tmp_path, capsys):
