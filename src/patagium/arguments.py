@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arrays import real_array
 from patagium.errors import ParameterError, is_finite, plain, similar
 
 Progress = Callable[[int, int], None]
@@ -32,7 +33,7 @@ _WORDS = MappingProxyType({
     "LogTable": "a LogTable such as pt.sensing.read_table('log.csv', 'map.yaml')",
     "Learner": "a learner such as pt.CubatureLearner(network)",
     "Trained": "a model such as pt.load_model('model.json')",
-    "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
+    "NoneType": "None", "ndarray": "finite numbers", "Mount": "a Mount such as pt.mounts.fixed()",
 })  # fmt: skip
 _LARGEST = 2**63  # whole number
 
@@ -40,7 +41,7 @@ _LARGEST = 2**63  # whole number
 def checked(function: _Function) -> _Function:
     """Decorator that checks the types of the arguments against the annotations.
 
-    An array without axes enters as its number, also one within a dictionary.
+    An array without axes enters as its number, also one within a dictionary; a list as an array.
 
     Args:
         function: Function or method; a keyword that it does not know is a TypeError.
@@ -70,6 +71,8 @@ def checked(function: _Function) -> _Function:
 def _entering(name: str, value: Any, kinds: Mapping[str, Any]) -> Any:
     """Argument as it enters: the number of an array without axes where a number will do."""
     kind, number = kinds.get(name, Any), plain(value)
+    if get_origin(_meant(kind)) is np.ndarray:
+        value = real_array(name, value)
     if number is not value and _fits(number, kind):
         value = number
     of_kind(name, value, kind)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.control.gait_family import GaitFamily
 from patagium.control.wingbeat import FlightMap, Segments
 from patagium.errors import ParameterError, positive
@@ -208,7 +208,7 @@ class Orbit:
     @checked
     def along(self, time: Array, heading: float = 0.0) -> Array:
         """Rows of q, v and a, (m, n_q + 2 n) [SI], at times (m,) [s], turned by a heading [rad]."""
-        known, size = self._beat, self.robot.dof
+        known, size, time = self._beat, self.robot.dof, real_array("time", time, ("N",))
         travel, grid = known[-1] - known[0], np.linspace(0.0, 1.0, len(known))
         beats, phases = np.divmod(time / self.period + 1e-9, 1.0)
         found = np.column_stack([np.interp(phases, grid, column) for column in known.T])

@@ -104,7 +104,7 @@ class RealTimeIteration:
         self.program = QuadraticProgram(horizon, size, count)
         self.states, self.inputs = np.zeros((horizon + 1, size)), np.zeros((horizon, count))
         self.state_reference, self.input_reference = 0 * self.states, 0 * self.inputs
-        self.final_cost = np.array(state_cost, float)
+        self.final_cost = state_cost.copy()
         self.inverses: dict[int, Array] = {}
         self.program["Q"][...], self.program["R"][...] = state_cost, input_cost
 

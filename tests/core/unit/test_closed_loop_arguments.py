@@ -140,6 +140,13 @@ def test_a_cost_that_is_no_square_matrix_is_refused(name: str, cost: Any) -> Non
         pt.control.RealTimeIteration(print, 2, **given)
 
 
+def test_costs_are_taken_as_lists_of_finite_numbers() -> None:
+    iteration = pt.control.RealTimeIteration(print, 2, [[1, 0], [0, 2]], [[3]])
+    assert iteration.final_cost.tolist() == [[1.0, 0.0], [0.0, 2.0]]
+    with pytest.raises(ParameterError, match="input_cost: expected finite numbers"):
+        pt.control.RealTimeIteration(print, 2, [[1.0]], [[np.nan]])
+
+
 def test_an_alias_of_a_type_stands_for_the_type() -> None:
     """As NDArray does in NumPy 2.5, where any value fitted it."""
     scalar = TypeVar("scalar", bound=np.generic)
@@ -252,7 +259,7 @@ def test_a_controller_made_for_another_flight_is_refused(
     with pytest.raises(ParameterError, match="made for the orbit whose gait is flown"):
         fast.flight(beats=1, controller=regulator)
     other = pt.load_robot("aerobat")
-    adaptive = pt.control.AdaptiveController(regulator, ornithopter_orbit)
+    adaptive = pt.control.AdaptiveController(regulator)
     for controller in (regulator, adaptive):
         with pytest.raises(ParameterError, match="made for aerobat, found 'ornithopter'"):
             pt.simulate(
@@ -271,7 +278,7 @@ def test_a_controller_of_a_free_flight_is_refused_on_a_mount(
     ornithopter_orbit: Any, regulator: Any, mount: Any
 ) -> None:
     orbit = ornithopter_orbit
-    adaptive = pt.control.AdaptiveController(regulator, orbit)
+    adaptive = pt.control.AdaptiveController(regulator)
     words = {"duration": 10 * regulator.period, "time_step": regulator.period / 8}
     flying = pt.Simulator(ROBOT, orbit.aero, orbit.gait, mount=mount, **words)
     for controller in (regulator, adaptive):

@@ -16,7 +16,7 @@ import patagium as pt
 from patagium.control import FlightMap, free_parameters, gait_family, trimming
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state_sizes
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, ShapeError
 from patagium.robot import load_robot_text, preset_text
 from patagium.robot.model import Actuator
 from patagium.robot.review import robot_warnings
@@ -220,6 +220,10 @@ def test_a_turn_is_found_without_a_start_nearby():
     ways = np.diff(rows[:, 0] + 1j * rows[:, 1])
     turned = np.full(3, np.exp(1j * orbit.turn_rate * orbit.period))
     np.testing.assert_allclose(ways[1:] / ways[:-1], turned, atol=1e-9)
+    times = [0.0, 0.1]
+    np.testing.assert_array_equal(orbit.along(times), orbit.along(np.array(times)))
+    with pytest.raises(ShapeError, match="time: expected shape"):
+        orbit.along(0.1)
 
 
 def test_one_robot_hovers_and_glides_another(tmp_path):
@@ -328,7 +332,7 @@ def test_an_attitude_may_be_prescribed(tmp_path):
     law = pt.control.LinearRegulator(orbit, ("frequency",))  # which asked for a yaw
     assert np.sort(np.abs(law.multipliers))[-2:] == pytest.approx([0.948, 1.0], abs=1e-3)  # y
     both = pt.control.LinearRegulator(orbit, ("frequency", "pitch_offset"))
-    learning = pt.control.AdaptiveController(both, orbit)  # which asked for roll
+    learning = pt.control.AdaptiveController(both)  # which asked for roll
     assert learning.use(learning.weights, 0)
     with pytest.raises(ParameterError, match="robot: expected a body that floats"):
         pt.control.optimize(robot, start=orbit)
