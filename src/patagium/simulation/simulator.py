@@ -765,7 +765,8 @@ def simulate(
         aero: Model of the air around it; quasi-steady by default.
         gait: Motion of the actuated joints.
         duration: A whole number of time steps [s].
-        time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
+        time_step: Step [s]; None chooses one (`Simulator`), and shorter ones where it proves too
+            long, but with a controller, which may have a memory; the flight's attributes say it.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
         q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=0.1)` makes; of
@@ -789,10 +790,9 @@ def simulate(
         SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
     """
     aero, gait, duration, q, v = _by_cruise(robot, aero, gait, duration, mount, q, v)
-    period = control_period
     if controller is not None:
-        period = period_of(controller, robot, gait, mount, period)
-    elif period is not None:
+        control_period = period_of(controller, robot, gait, mount, control_period)
+    elif control_period is not None:
         raise ParameterError("control_period", "a controller with it", None)
 
     step = time_step
@@ -800,13 +800,13 @@ def simulate(
         whole = duration if step is None or step == time_step else round(duration / step) * step
         simulator = Simulator(
             robot, aero, gait, duration=whole, time_step=step, mount=mount,
-            control_period=period, q=q, v=v, added_mass=added_mass, load_cells=load_cells,
+            control_period=control_period, q=q, v=v, added_mass=added_mass, load_cells=load_cells,
             aero_state=aero_state,
         )  # fmt: skip
         simulator.fly(controller, progress)
-        if simulator.longest_step is None or time_step is not None:
+        if simulator.longest_step is None or time_step is not None or controller is not None:
             break
-        step = tidy_step(period or duration, 0.5 * simulator.longest_step)
+        step = tidy_step(duration, 0.5 * simulator.longest_step)
     flight = simulator.flight()
     outcome = Outcome[flight.attrs["outcome"]]
     if throw and outcome is not Outcome.COMPLETED:

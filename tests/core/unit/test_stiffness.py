@@ -8,10 +8,12 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.errors import Outcome, SimulationFailed
 from patagium.native import load_functions
+from patagium.robot import load_robot_text
 from patagium.simulation.runge_kutta import Equations, integrate
 from patagium.simulation.state_limits import diagnose_step, growth, longest_stable_step
 
@@ -92,6 +94,23 @@ def test_a_flight_with_a_stiff_damper_is_told_the_step_it_takes():
     assert 1e-5 < longest < 1e-3
     steps = int(np.ceil(0.2 / longest))
     pt.simulate(damped, aero, gait, duration=0.2, time_step=0.2 / steps, v=forward)
+
+
+def test_a_chosen_step_that_proves_too_long_is_shortened_but_not_under_a_controller():
+    """The controller was called from the start again, with what it kept of the broken flight."""
+    passive = "passive: true, damping: 1e-7 N m s/rad, limits"
+    text = FLAPPER.replace("left_feather, axis: y, limits", f"left_feather, axis: y, {passive}")
+    text = text.replace("mass: 4 g", "mass: 20 mg")
+    text = text.replace("leading: 2 cm, trailing: -6", "leading: 0 cm, trailing: -8")
+    robot, called = load_robot_text(text), []
+    air = pt.Air(gust=pt.air.RampGust((-20.0, 0.0, 0.0), start=0.25, length_time=0.05))
+    aero, gait = pt.QuasiSteady(robot, air), pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.0)
+    given = {"duration": 0.3, "mount": pt.mounts.fixed(), "q": robot.coordinates(pitch=-0.1)}
+    flight = pt.simulate(robot, aero, gait, **given)
+    assert flight.attrs["time_step"] < 5e-4  # a 400th of the beat
+    with pytest.raises(SimulationFailed, match="shorten the time step to"):
+        pt.simulate(robot, aero, gait, controller=lambda t, _: called.append(t), **given)
+    assert called[0] == 0.0 and np.all(np.diff(called) > 0)
 
 
 @pytest.mark.usefixtures("interpreted")
