@@ -72,7 +72,7 @@ def robot_facts(robot: Robot) -> dict[str, Any]:
     from patagium.robot.planform import describe_robot
     from patagium.robot.strip_chains import chain_words
 
-    moving = ", ".join(robot.dof_names[i] for i in robot.actuated)
+    moving = ", ".join(robot.actuated_names)
     lines = chain_words(robot)
     return describe_robot(robot) | {"actuated": moving, "lifting lines": lines}
 

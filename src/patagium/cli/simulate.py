@@ -340,7 +340,7 @@ def _gait(
             raise ParameterError("--gait", expected, kind, known)
         return gaits.from_csv(machine, existing(Path(kind)), period=frequency and 1 / frequency)
     if frequency is None or lacking:
-        joints = [machine.dof_names[i] for i in machine.actuated] or ["JOINT"]
+        joints = machine.actuated_names or ("JOINT",)
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
         size = "5 cm" if unit(moved) == "m" else "30 deg"
         size = f", with --amplitude {moved}='{size}'" * (kind == "sinusoidal")

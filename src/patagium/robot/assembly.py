@@ -192,7 +192,7 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
     for key, name, written in [(k, *one) for k in given for one in getattr(part, k).items()]:
         path, joints = f"cruise.{key}.{name}", robot.joints_named(name)
         if not joints:
-            known = [robot.dof_names[i] for i in robot.actuated]
+            known = robot.actuated_names
             expected = f"an actuated joint ({', '.join(known)}) or a pair"
             near = similar(name, [*robot.joint_groups, *known])
             raise AssemblyError((path, expected, name + near))
@@ -240,7 +240,7 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
     kind, joints = robot.command(name)
     path = f"actuators.{name}"
     if not joints or name == "amplitude":
-        known = [robot.dof_names[i] for i in robot.actuated]
+        known = robot.actuated_names
         kinds = ", ".join(f"<joint>_{one}" for one in COMMANDS)
         every = [f"{one}_{kind}" for one in (*known, *robot.joint_groups) for kind in COMMANDS]
         near = similar(name, ["frequency", *every])

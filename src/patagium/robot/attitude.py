@@ -36,8 +36,8 @@ def rotation_from_angles(angles: ArrayLike) -> Array:
     Args:
         angles: Roll, pitch, yaw, (..., 3) [rad].
     """
-    angles = np.asarray(angles, float)
-    (cr, cp, cy), (sr, sp, sy) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    three = _components(angles)
+    (cr, cp, cy), (sr, sp, sy) = np.cos(three), np.sin(three)
     rows = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
         [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
@@ -45,6 +45,11 @@ def rotation_from_angles(angles: ArrayLike) -> Array:
     ]
     matrix = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)
+
+
+def _components(vectors: ArrayLike) -> Array:
+    """Vectors, (..., 3), by component, (3, ...)."""
+    return np.moveaxis(np.asarray(vectors, float), -1, 0)
 
 
 def body_rates(angles: ArrayLike, rates: ArrayLike) -> Array:
@@ -57,8 +62,8 @@ def body_rates(angles: ArrayLike, rates: ArrayLike) -> Array:
         angles: Roll, pitch, yaw, (..., 3) [rad].
         rates: Their rates, (..., 3) [rad/s].
     """
-    roll, pitch, _ = np.moveaxis(np.asarray(angles, float), -1, 0)
-    of_roll, of_pitch, of_yaw = np.moveaxis(np.asarray(rates, float), -1, 0)
+    roll, pitch, _ = _components(angles)
+    of_roll, of_pitch, of_yaw = _components(rates)
     level = np.cos(pitch) * of_yaw
     parts = [
         of_roll - np.sin(pitch) * of_yaw,
@@ -78,9 +83,9 @@ def body_accelerations(angles: ArrayLike, rates: ArrayLike, accelerations: Array
         rates: Their rates, (..., 3) [rad/s].
         accelerations: Their second derivatives, (..., 3) [rad/s^2].
     """
-    roll, pitch, _ = np.moveaxis(np.asarray(angles, float), -1, 0)
-    of_roll, of_pitch, of_yaw = np.moveaxis(np.asarray(rates, float), -1, 0)
-    _, w_left, w_up = np.moveaxis(body_rates(angles, rates), -1, 0)
+    roll, pitch, _ = _components(angles)
+    of_roll, of_pitch, of_yaw = _components(rates)
+    _, w_left, w_up = _components(body_rates(angles, rates))
     sinking = np.sin(pitch) * of_pitch * of_yaw
     change = [
         -np.cos(pitch) * of_pitch * of_yaw,

@@ -82,12 +82,9 @@ def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
 
 def _sweep(robot: Robot, q: Array, body: int, point: Array, dof: int) -> Array:
     """Way of a point of a body while one joint goes from limit to limit, (n, 3) [m]."""
-    at, way = robot.coordinate_indices[dof], []
-    for value in np.linspace(robot.lower[dof], robot.upper[dof], 33):
-        turned = np.array(q)
-        turned[at] = value
-        way.append(placed(poses(robot, turned)[body], point))
-    return np.array(way)
+    turned = np.tile(q, (33, 1))
+    turned[:, robot.coordinate_indices[dof]] = np.linspace(robot.lower[dof], robot.upper[dof], 33)
+    return np.array([placed(poses(robot, one)[body], point) for one in turned])
 
 
 def _letter(axis: Array) -> str:

@@ -399,6 +399,11 @@ class Robot:
         return tuple(dict.fromkeys(strip.wing for strip in self.strips))
 
     @property
+    def actuated_names(self) -> tuple[str, ...]:
+        """Names of the actuated joints."""
+        return tuple(self.dof_names[i] for i in self.actuated)
+
+    @property
     def passive(self) -> tuple[int, ...]:
         """Indices of the degrees of freedom that no gait prescribes."""
         return tuple(i for i in range(self.dof) if i not in self.actuated)
@@ -606,7 +611,7 @@ class Robot:
 
         It is the words that both names have but left and right, or both names where it is taken.
         """
-        joints = [self.dof_names[i] for i in self.actuated]
+        joints = self.actuated_names
         groups = [tuple(k for k in joints if k in (name, self.twin(name))) for name in joints]
         short = {}
         for group in groups:
@@ -632,7 +637,7 @@ class Robot:
         """
         joint, _, kind = str(name).rpartition("_")
         if name in ("frequency", "amplitude"):
-            return name, tuple(self.dof_names[i] for i in self.actuated)
+            return name, self.actuated_names
         return kind, self.joints_named(joint) if kind in COMMANDS else ()
 
     def paired(self, name: str) -> str:
@@ -774,8 +779,7 @@ def _mounted(
     shift = np.array(finite_triple("position", position))
     turn = rotation_from_angles(finite_triple("orientation", orientation))
     carrier = arm.body_index(at)
-    floating = {i for body in robot.bodies for i in body.floating_dofs or ()}
-    kept = tuple(i for i in range(robot.dof) if i not in floating)
+    kept = tuple(i for i in range(robot.dof) if i not in robot.floating_dofs)
     dof = {old: arm.dof + new for new, old in enumerate(kept)}
     first = len(arm.bodies)
     bodies = (
@@ -841,8 +845,8 @@ def _carried(
     return replace(
         body,
         parent=carrier,
-        position=axis_of(shift + turn @ np.asarray(body.position, float)),
-        orientation=axes_of(turn @ np.asarray(body.orientation)),
+        position=axis_of(shift + turn @ body.position),
+        orientation=axes_of(turn @ body.orientation),
         joints=joints,
         floating_dofs=None,
         mounted=True,

@@ -215,7 +215,7 @@ def _overlaps(robot: Robot) -> Iterator[str]:
         if strip.mirrored:
             continue
         turn = places[strip.body][1]
-        ahead, up = turn @ np.array(strip.forward), turn @ np.array(strip.normal)
+        ahead, up = turn @ strip.forward, turn @ strip.normal
         axes = np.array([ahead, np.cross(up, ahead), up])
         own = corners[i] @ axes.T
         for j, other in enumerate(robot.strips[:i]):

@@ -141,7 +141,7 @@ def _gap(robot: Robot, places: list[Pose], first: StripChain, second: StripChain
     end = _end(robot, places, first.strips[-1], first.right[-1])
     apart = end - _end(robot, places, second.strips[0], -second.right[0])
     if last.wing == next_.wing:
-        forward = places[last.body][1] @ np.asarray(last.forward)
+        forward = places[last.body][1] @ last.forward
         apart = apart - forward * (forward @ apart)
     return float(np.linalg.norm(apart))
 

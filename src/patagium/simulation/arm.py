@@ -105,11 +105,10 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
     linear = pose.rotation @ twist.at(offset)
     moves = ca.vertcat(linear, pose.rotation @ twist.angular)
     placing = {"place": place, "turn": pose.rotation @ turn, "jacobian": ca.jacobian(moves, v)}
-    dense = {name: ca.densify(one) for name, one in placing.items()}
-    drift = ca.densify(ca.jtimes(moves, q, v))
+    drift = ca.jtimes(moves, q, v)
     torque = inverse(machine, q, v, a) - damping_force(machine, v)
     return [
-        named_function("pose", {"q": q, "parameters": p}, dense),
+        named_function("pose", {"q": q, "parameters": p}, placing),
         named_function("drift", {"q": q, "v": v, "parameters": p}, {"drift": drift}),
         named_function("torque", {"q": q, "v": v, "a": a, "parameters": p}, {"torque": torque}),
     ]
@@ -385,8 +384,7 @@ def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
     Raises:
         ParameterError: If the joints are not those of the two.
     """
-    names = tuple(robot.dof_names[i] for i in robot.actuated)
-    parts = (*plan.joints, *gait.joints)
+    names, parts = robot.actuated_names, (*plan.joints, *gait.joints)
     if len(names) != len(parts) or any(
         not own.endswith(part) for own, part in zip(names, parts, strict=True)
     ):

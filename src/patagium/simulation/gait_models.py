@@ -244,7 +244,7 @@ class SuperposedGait:
     @property
     def period(self) -> float | None:
         """Time after which all parts repeat: the longest of theirs [s]; None if none moves."""
-        return max((p for p in (part.period for part in self.parts) if p), default=None)
+        return max(filter(None, (part.period for part in self.parts)), default=None)
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
@@ -403,6 +403,6 @@ def _number(path: Path, row: int, cell: str) -> float:
 def _joint_unit(robot: Robot, name: str) -> str:
     joints = robot.joints_named(name)
     if not joints:
-        known = ", ".join(robot.dof_names[i] for i in robot.actuated)
+        known = ", ".join(robot.actuated_names)
         raise LogError(f"column {name!r}: no actuated joint of {robot.name!r} ({known})")
     return robot.dof_units[robot.index(joints[0])]

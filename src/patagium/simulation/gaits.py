@@ -307,7 +307,7 @@ def check_gait(robot: Robot, gait: Gait) -> None:
 
 def _joints(robot: Robot) -> tuple[str, ...]:
     of_kind("robot", robot, Robot)
-    return tuple(robot.dof_names[i] for i in robot.actuated)
+    return robot.actuated_names
 
 
 def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:

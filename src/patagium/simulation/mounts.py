@@ -17,11 +17,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.errors import ParameterError, suggest_names
+from patagium.errors import ParameterError, check_names, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import (
@@ -260,7 +259,7 @@ def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], firs
     carried = replace(
         body,
         parent=place + 1,
-        position=axis_of(-turn.T @ np.array(cell.position)),
+        position=axis_of(-turn.T @ cell.position),
         orientation=axes_of(turn.T),
         joints=body.joints[before:],
         floating_dofs=None,
@@ -278,13 +277,12 @@ def _moved(body: int, place: int) -> int:
 
 def _place(robot: Robot, name: str) -> tuple[int, int]:
     """Body whose chain is cut, and how many of its joints stay before the cut."""
-    places = [(body.name, (index, 0)) for index, body in enumerate(robot.bodies)]
+    places = {body.name: (index, 0) for index, body in enumerate(robot.bodies)}
     for index, body in enumerate(robot.bodies):
-        places += [(joint.name, (index, before)) for before, joint in enumerate(body.joints)]
-    names = [one for one, _ in places]
-    if name not in names:
-        raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name, names)
-    return places[names.index(name)][1]
+        for before, joint in enumerate(body.joints):
+            places.setdefault(joint.name, (index, before))
+    check_names("load cell", [name], places, "a body or joint:", near=True)
+    return places[name]
 
 
 def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:

@@ -162,7 +162,7 @@ def joint_names(chosen: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
     Raises:
         ParameterError: If the robot has no such coordinate, or none is actuated.
     """
-    chosen = chosen or tuple(robot.dof_names[i] for i in robot.actuated)
+    chosen = chosen or robot.actuated_names
     if not chosen:
         raise ParameterError("joints", f"coordinates of {robot.name!r}: none is actuated", ())
     for name in chosen:
