@@ -39,9 +39,7 @@ HELD = (
 """Finding about a floating body that stands where it is."""
 
 
-def air_force(
-    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, known: Mapping[str, ca.SX] | None = None
-) -> ca.SX:
+def air_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, known: Mapping[str, ca.SX]) -> ca.SX:
     """Generalized force of the air, D a + C v + G less the known forces, (n, 1) [N, N m].
 
     Args:
@@ -53,14 +51,9 @@ def air_force(
             those of `OPTIONAL_PARTS`. The robot's dampers give `damping_force` where it is not
             among them; the others are zero.
     """
-    given = dict(known or {})
-    damping = given.pop("damping_force", None)
-    force = equations.inverse(robot, q, v, a)
-    if "u1" in given:
-        force = force - given.pop("u1")
-    force = force - (equations.damping_force(robot, v) if damping is None else damping)
-    for other in given.values():
-        force = force - other
+    force, damping = equations.inverse(robot, q, v, a), equations.damping_force(robot, v)
+    for one in {"u1": 0, "damping_force": damping, **known}.values():
+        force = force - one
     return force
 
 
@@ -214,8 +207,7 @@ class SampleForm:
 
 def state_names(robot: Robot) -> list[str]:
     """Names of q and v as inputs of a network: `q.roll`, `v.left_plunge`."""
-    q, v = robot.coordinate_names, robot.dof_names
-    return [*(f"q.{name}" for name in q), *(f"v.{name}" for name in v)]
+    return [column.name for column in packet_columns(robot)[1 : 1 + robot.state_size]]
 
 
 def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:

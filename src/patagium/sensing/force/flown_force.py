@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -143,12 +143,13 @@ def _joined(joints: Measured | None, force: Measured, name: str) -> Measured:
 
 def _cell_notes(
     motion: xr.Dataset, found: ForceSamples, joints: Measured | None, mount: Wrench
-) -> list[str]:
+) -> Iterator[str]:
     """Warnings about unit, clock, sign and zero of the load cell that holds a robot."""
     place = list(found.robot.floating_dofs[:3])  # x, y, z
     known = np.asarray(np.isfinite(found.force[:, place]).all(axis=1))
     if known.sum() < 2:
-        return ["no two samples have a force that is known"]
+        yield "no two samples have a force that is known"
+        return
     weight = found.robot.flying.mass * found.robot.scale_gravity
     turned = replace(mount.measured, values=-mount.measured.values)
     against = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
@@ -156,29 +157,29 @@ def _cell_notes(
     flipped = against.force[known][:, place]
     lift, lesser = (float(one[:, 2].mean()) / weight for one in (force, flipped))
     whole, cell = 0.5 * (force + flipped), 0.5 * (flipped - force)
-    along, drifts = _drag(time, force, whole), _late_notes(time, whole, cell)
-    notes = _arm_notes(mount.measured.values, wing_span(found.robot)) + drifts
+    along, drifts = _drag(time, force, whole), [*_late_notes(time, whole, cell)]
+    yield from _arm_notes(mount.measured.values, wing_span(found.robot))
+    yield from drifts
     heavy = bool(found.robot.gravity) and lift > _HELD_DOWN
     if heavy or (along > _DRIVEN and not drifts):
         first, other = ("drives", "brakes") if along > 0 else ("brakes", "drives")
-        notes.append(
+        yield (
             f"the air lifts {lift:.2g} times the weight and {first} the motion, or, if the cell "
             f"shows what the robot does to it, lifts {lesser:.2g} times the weight and {other} it: "
             "then it lacks `negated: true` in the mapping"
         )
-        return notes
-    return notes + _zero_notes(motion, found, known, weight)
+    else:
+        yield from _zero_notes(motion, found, known, weight)
 
 
-def _arm_notes(wrench: Array, span: float) -> list[str]:
+def _arm_notes(wrench: Array, span: float) -> Iterator[str]:
     """Warning that a moment of a load cell, (N, 6) [N, N m], is too large for a span [m]."""
     force, moment = np.sqrt(np.nanmean(wrench.reshape(-1, 2, 3) ** 2, axis=(0, 2)))
-    if not 0 < _LONG * span * force < moment:
-        return []
-    return [
-        f"its moment over its force is an arm of {moment / force:.3g} m, of a "
-        f"robot of {span:.3g} m span: rather in N mm than N m"
-    ]
+    if 0 < _LONG * span * force < moment:
+        yield (
+            f"its moment over its force is an arm of {moment / force:.3g} m, of a "
+            f"robot of {span:.3g} m span: rather in N mm than N m"
+        )
 
 
 def _drag(time: Array, force: Array, whole: Array) -> float:
@@ -197,7 +198,7 @@ def _drag(time: Array, force: Array, whole: Array) -> float:
     return float((force * momentum).sum()) / size if size > 0 else 0.0
 
 
-def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
+def _late_notes(time: Array, whole: Array, cell: Array) -> Iterator[str]:
     """Warning that a load cell is later and later behind the motion, beat by beat of one gait.
 
     Its phase to the force that changes the momentum moves evenly, and the ratio of both stays: what
@@ -209,7 +210,7 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
         cell: Force of the load cell, (N, 3) [N].
     """
     if len(time) < 20 * _WINDOWS:
-        return []
+        return
     step = median_step(time)
     power = (np.abs(np.fft.rfft(whole - whole.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     frequency = float(np.fft.rfftfreq(len(time), step)[int(np.argmax(power))])
@@ -217,7 +218,7 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
         beats = (time[-1] - time[0]) * frequency
         parts = min(_WINDOWS, int(beats / 2))
         if parts < _FEWEST:
-            return []
+            return
         length = int(beats / parts) / frequency
         middle = time[0] + length * (0.5 + np.arange(parts))
         apart = (time - middle[:, None]) / length
@@ -227,31 +228,33 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
         size = np.linalg.norm(moved, axis=1)
         steady = size > _STEADY * size.max()
         if steady.sum() < _FEWEST:
-            return []
+            return
         phase = np.angle((moved[1:] * moved[:-1].conj()).sum(axis=1))[steady[1:] & steady[:-1]]
         if not len(phase):
-            return []
+            return
         frequency += float(np.median(phase)) / (2 * np.pi * length)
     ratio = np.linalg.norm(shown, axis=1) / np.maximum(size, 1e-300)
     steady &= np.abs(ratio / np.median(ratio[steady]) - 1.0) < _ALIKE
     if steady.sum() < _FEWEST:
-        return []
+        return
     middle = middle[steady]
     cross = (shown * moved.conj()).sum(axis=1)[steady]
     late = -np.unwrap(np.angle(cross)) / (2 * np.pi * frequency)
     rate, start = np.polyfit(middle, late, 1)
     change = float(rate * (middle[-1] - middle[0]))
     if abs(change) < max(1e-3, _EVENLY * float(np.std(late - start - rate * middle))):
-        return []
-    return [
+        return
+    yield (
         f"from {middle[0]:.3g} s to {middle[-1]:.3g} s its delay to the motion "
         f"grows by {1e3 * change:.2f} ms: if the wind did not change, its clock drifts by about "
         f"{1e6 * rate:.0f} ppm from that of the motion, which spoils the force: "
         + mended_drift(rate)
-    ]
+    )
 
 
-def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: float) -> list[str]:
+def _zero_notes(
+    motion: xr.Dataset, found: ForceSamples, known: Bools, weight: float
+) -> Iterator[str]:
     """Warnings that the force of the air at rest is not zero, or not the same in two rests.
 
     Args:
@@ -267,7 +270,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: f
     still = known & (np.abs(found.v) < _STILL * fastest)[:, moves].all(axis=1)
     rests = [slice(a, b) for a, b in runs(still) if found.time[b - 1] - found.time[a] > _REST]
     if not rests:
-        return []
+        return
     turned = from_quaternion(motion["attitude"].values)
     spread = 3 * np.median(found.std[:, place][known], axis=0)
 
@@ -281,7 +284,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: f
     def words(force: Array) -> str:
         return f"({', '.join(f'{one:.2g}' for one in force)}) N"
 
-    notes, (first, last) = [], (rests[0], rests[-1])
+    first, last = rests[0], rests[-1]
     middle = [0.5 * (found.time[one.start] + found.time[one.stop - 1]) for one in (first, last)]
     wind = found.air.wind_at(found.time)
     speed, blown = np.linalg.norm(wind, axis=1), wind[first].mean(axis=0)
@@ -289,13 +292,13 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: f
     against = -found.force[first, place].mean(axis=0) @ blown / max(np.linalg.norm(blown), 1e-9)
     here = f"while the robot rests at {middle[0]:.3g} s"
     if not calm and against > max(_DRIFT * weight, spread.max()):
-        notes.append(
+        yield (
             f"{here} the air pushes it by {against:.2g} N against the wind "
             f"{tuple(blown.round(3).tolist())} m/s: its sign (a head wind is [-5, 0, 0]) or the "
             "zero or the axes of the cell are wrong"
         )
     if calm and large(offset := shown(first), _OFF):
-        notes.append(
+        yield (
             f"{here} it shows {words(offset)}, axes of the body, that no weight explains, and the "
             "force of the air is wrong by as much: subtract it by `offset` in the mapping (there "
             "in unit, axes and sign of the log), check the mass, and state any wind under `air`"
@@ -304,13 +307,12 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: f
     alike = (np.abs(np.delete(change, place)) < _STILL).all()
     alike &= np.linalg.norm(wind[last].mean(axis=0) - blown) <= _CALM * speed.max()
     if first is not last and alike and large(moved := shown(last) - shown(first), _DRIFT):
-        notes.append(
+        yield (
             f"from the rest at {middle[0]:.3g} s to that at {middle[1]:.3g} s what it shows "
             f"changes by {words(moved)}, axes of the body: its zero drifts, or the wind changed; "
             "read the zero before and after, import shorter parts (`start`, `end`), each with its "
             "own `offset`, or use a cell that has warmed up"
         )
-    return notes
 
 
 def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> Path:

@@ -94,7 +94,7 @@ class ForceSamples:
         """Forces in a file of `patagium motion`, as `load_log` reads it."""
         names = ("time", "q", "v", "force", "force_covariance", "a")
         with made_again("the motion's forces", FlightError):
-            parts: Any = [np.asarray(motion[name].values, float) for name in names]
+            parts: Any = [stored(motion, name) for name in names]
             parts[5:5] = robot_of(motion), motion["force"].attrs["source"]
             return cls(*parts, *[air_of(motion)])
 
@@ -266,7 +266,7 @@ def _along(
     if missing := [name for name in names[1:] if name not in motion]:
         held = ", ".join(map(str, motion.data_vars))
         raise FlightError(f"motion: expected {', '.join(missing)}, but it holds {held}")
-    time, q, v, a, spread = (np.asarray(motion[name].values, float) for name in names)
+    time, q, v, a, spread = (stored(motion, name) for name in names)
     count, n = q.shape
     wind, numbers = np.zeros((count, 3)), np.zeros(0)
     if added_mass is not None:
@@ -334,8 +334,8 @@ def _measured_force(
         if added_mass is not None:
             carried = added_mass_force(machine, added_mass, (q, v, a), wind, numbers)
             known["added_mass_force"] = carried
-        force = ca.densify(air_force(machine, q, v, a, known))
-        change = ca.densify(ca.jtimes(force, state, direction))
+        force = air_force(machine, q, v, a, known)
+        change = ca.jtimes(force, state, direction)
         fixed, at = {"parameters": p, "air_parameters": numbers}, {"state": state, "wind": wind}
         whole = {"state": state, "torque": torque, "wind": wind, **fixed}
         along = at | {"direction_parameters": direction, **fixed}

@@ -7,6 +7,7 @@ turns the body by less than a few times what it turns between frames.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -313,9 +314,8 @@ def _errors(steps: _Steps, i: Indices, j: Indices) -> tuple[Array, Array, Array]
     return np.column_stack([turned, moved]), sizes[0], sizes[1]
 
 
-def _left_out(time: Array, places: Indices, used: Bools) -> list[Stretch]:
+def _left_out(time: Array, places: Indices, used: Bools) -> Iterator[Stretch]:
     """Stretches of frames that were seen and are not used."""
-    found = []
     for begin, end in runs(~used[places]):
         stamps = time[places[begin:end]].tolist()
         word = "a pose that jumps away and back: markers swapped"
@@ -323,5 +323,4 @@ def _left_out(time: Array, places: Indices, used: Bools) -> list[Stretch]:
             word = "a pose that nothing else confirms"
         elif len(stamps) == 1:
             word = "one frame off"
-        found.append(Stretch(stamps[0], stamps[-1], word, len(stamps)))
-    return found
+        yield Stretch(stamps[0], stamps[-1], word, len(stamps))

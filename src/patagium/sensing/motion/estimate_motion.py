@@ -160,7 +160,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
     """
     groups, base = groups_of(robot, streams), floating_base(robot)
     if base is not None and first_camera(streams) is None:
-        silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
+        silent = ", ".join(robot.dof_names[i] for i in robot.floating_dofs)
         raise LogError(
             f"log: expected cameras that see {silent}, found none; the file of a robot that is "
             "held leaves out `floating`, unless a load cell holds it, whose log needs its pose: "
@@ -270,9 +270,7 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     Raises:
         LogError: If a coordinate is seen by no sensor.
     """
-    base = floating_base(robot)
-    found = set() if base is None else {*base.place, *base.turn}
-    seen: list[int] = []
+    found, seen = {*robot.floating_dofs}, list[int]()
     for s in streams:
         if isinstance(s.model, EncoderModel):
             seen += s.model.columns

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 from scipy.special import softmax
 
-from patagium.arrays import Array, Indices, median_step
+from patagium.arrays import Array, Indices, find_gaps, median_step
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.sensor_streams import (
@@ -44,17 +44,16 @@ class FirstMotion:
     """First guess of a motion.
 
     Attributes:
-        values: Time (N,) [s] and values (N,) [m, rad] of each coordinate that was seen.
-        turned: Time (N,) [s] and rotation angles (N,) [rad] of each attitude coordinate.
+        values: Time (N,) [s] and values (N,) [m, rad] of each coordinate that was seen, of those
+            of the attitude summed rotation angles.
         attitude: Attitude over time; None without a floating body.
     """
 
     values: Mapping[int, tuple[Array, Array]]
-    turned: Mapping[int, tuple[Array, Array]]
     attitude: Slerp | None
 
     def at(self, times: Array, columns: Indices) -> tuple[Array, Rotation | None]:
-        """Values of columns at given times, (N, n) [m, rad], and the attitude; zero if unseen."""
+        """Values of columns at given times, (N, n) [m, rad], zero if unseen; and the attitude."""
         found = np.zeros((len(times), len(columns)))
         for k, column in enumerate(columns.tolist()):
             if column in self.values:
@@ -73,11 +72,11 @@ class FirstMotion:
         Returns:
             (n,) [unit^2/s^(2 order - 1)].
         """
-        known, found = {**self.values, **self.turned}, np.full(len(columns), np.nan)
+        found = np.full(len(columns), np.nan)
         for k, column in enumerate(columns.tolist()):
-            if column not in known:
+            if column not in self.values:
                 continue
-            time, values = known[column]
+            time, values = self.values[column]
             if (spectrum := _Spectrum.of(time, values, np.zeros_like(values))) is not None:
                 misfit, density = spectrum.misfits(order, 0.0)
                 found[k] = np.mean(density[np.argmin(misfit.min(axis=1), axis=1)])
@@ -92,26 +91,23 @@ def first_motion(robot: Robot, streams: Sequence[Stream]) -> FirstMotion:
         streams: Measurements, of a floating body by cameras among others.
     """
     values: dict[int, tuple[Array, Array]] = {}
-    turned: dict[int, tuple[Array, Array]] = {}
     for column, (s, k) in encoded_coordinates(streams).items():
         seen = np.isfinite(s.rows[:, k]) & s.used
         if seen.any():
             values[column] = s.time[seen], s.rows[seen, k]
     base, camera = floating_base(robot), first_camera(streams)
     if base is None or camera is None:
-        return FirstMotion(values, turned, None)
+        return FirstMotion(values, None)
     seen = np.isfinite(camera.rows).all(axis=1) & camera.used
     time, rows = camera.time[seen], camera.rows[seen]
     levels = np.zeros((len(time), 3, robot.dof))
     for column, series in values.items():
         levels[:, 0, column] = np.interp(time, *series)
     place, attitude = base_poses(camera, rows, levels)
-    for k, column in enumerate(base.place):
-        values[column] = time, place[:, k]
     _, angles = captured_motion(rows)
-    for k, column in enumerate(base.turn):
-        turned[column] = time, angles[:, k]
-    return FirstMotion(values, turned, Slerp(time, attitude))
+    for column, one in zip((*base.place, *base.turn), (*place.T, *angles.T), strict=True):
+        values[column] = time, one
+    return FirstMotion(values, Slerp(time, attitude))
 
 
 def base_poses(camera: Stream, rows: Array, levels: Array) -> tuple[Array, Rotation]:
@@ -204,15 +200,15 @@ class _Spectrum:
         Values are brought to equal steps by a cubic spline, noise as if it had them.
         """
         step = median_step(time)
-        ends = np.flatnonzero(np.diff(time) > 2.5 * step) + 1
-        wholes = []
-        for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True):
-            if b - a < 16:
+        gaps, wholes = find_gaps(time, 2.5), []
+        stretches = (np.split(one, gaps) for one in (time, values, noise))
+        for stamps, own, rest in zip(*stretches, strict=True):
+            if len(stamps) < 16:
                 continue
-            grid = np.arange(time[a], time[b - 1] + 0.5 * step, step)
-            places = np.rint((time[a:b] - time[a]) / step)
-            whole = CubicSpline(time[a:b], values[a:b])(grid)
-            wholes.append(whole + np.interp(np.arange(len(grid)), places, noise[a:b]))
+            grid = np.arange(stamps[0], stamps[-1] + 0.5 * step, step)
+            places = np.rint((stamps - stamps[0]) / step)
+            whole = CubicSpline(stamps, own)(grid)
+            wholes.append(whole + np.interp(np.arange(len(grid)), places, rest))
         length = min(_SEGMENT, max(map(len, wholes), default=0))
         if length < 16:
             return None

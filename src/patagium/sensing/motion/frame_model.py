@@ -165,21 +165,26 @@ class FrameModel:
 
 
 def _functions(robot: Robot, body: int) -> list[ca.Function]:
-    """Functions `inertial` and `pose` of a body in the axes of the reference attitude."""
+    """Functions `inertial` and `pose` of a body in the axes of the reference attitude.
+
+    To first order the components of a rotation vector are roll, pitch and yaw.
+    """
     machine, p = robot.symbolic()
     levels = [ca.SX.sym(name, robot.dof) for name in ("position", "velocity", "acceleration")]
     up, offset = ca.SX.sym("up", 3), ca.SX.sym("offset", 3)
-    q, v, a = coordinates(robot, *levels)
+    q, v, a = map(ca.SX, levels)
+    if (base := floating_base(robot)) is not None:
+        turn = list(base.turn)
+        v[turn], a[turn] = euler_rates(q[turn], v[turn], a[turn])
     w, dw, origin = body_accelerations(machine, q, v, a, ca.SX(0))[body]
     ground = in_body_axes(machine, q, up * machine.gravity)[body]
     felt = origin + ground + ca.cross(dw, offset) + ca.cross(w, ca.cross(w, offset))
     shown = ca.vertcat(felt, w)
-    slope = ca.densify(ca.jacobian(shown, ca.vertcat(*levels)))
+    slope = ca.jacobian(shown, ca.vertcat(*levels))
     pose = body_poses(machine, q)[body]
     rate = body_velocities(machine, q, v)[body].angular
     position = pose.at(offset)
-    moved = ca.densify(ca.jacobian(position, levels[0]))
-    turned = ca.densify(ca.jacobian(rate, levels[1]))
+    moved, turned = ca.jacobian(position, levels[0]), ca.jacobian(rate, levels[1])
     own = {"offset_parameters": offset, "parameters": p}
     motion = dict(zip(("position", "velocity", "acceleration"), levels, strict=True))
     placed = {"place": position, "rotation": pose.rotation, "moved": moved, "turned": turned}
@@ -187,22 +192,6 @@ def _functions(robot: Robot, body: int) -> list[ca.Function]:
         named_function("inertial", motion | {"up": up} | own, {"shown": shown, "slope": slope}),
         named_function("pose", {"position": levels[0], **own}, placed),
     ]
-
-
-def coordinates(
-    robot: Robot, position: ca.SX, velocity: ca.SX, acceleration: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Expressions of q, v, a for a motion whose attitude is a rotation vector, (n,) each.
-
-    To first order the components of the vector are roll, pitch and yaw.
-    """
-    base = floating_base(robot)
-    q, v, a = (ca.SX(part) for part in (position, velocity, acceleration))
-    if base is None:
-        return q, v, a
-    turn = list(base.turn)
-    v[turn], a[turn] = euler_rates(q[turn], v[turn], a[turn])
-    return q, v, a
 
 
 def euler_rates(angles: ca.SX, spin: ca.SX, spin_rate: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -241,7 +230,7 @@ def euler_function() -> NativeFunction:
         whole = ca.vertcat(moved, first, second)
         slope = ca.jacobian(whole, ca.vertcat(small, spin, spin_rate))
         found = {"rates": first, "second_rates": second, "slope": slope}
-        still = {k: ca.densify(ca.substitute(x, small, [0, 0, 0])) for k, x in found.items()}
+        still = {k: ca.substitute(x, small, [0, 0, 0]) for k, x in found.items()}
         return [named_function("euler", given, still)]
 
     return load_functions("euler rates of a body", build, label="Euler angles")["euler"]

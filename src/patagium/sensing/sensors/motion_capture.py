@@ -65,8 +65,8 @@ class MotionCapture(FramedSensor):
 
     def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
         """Errors of position and attitude, and whether a frame is lost; see `Sensor.errors`."""
-        moved = np.asarray(self.position_std) * rng.standard_normal((count, 3))
-        turned = np.asarray(self.attitude_std) * rng.standard_normal((count, 3))
+        moved = rng.standard_normal((count, 3)) * self.position_std
+        turned = rng.standard_normal((count, 3)) * self.attitude_std
         return moved, turned, self._lost(count, rng).astype(float)
 
     def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:

@@ -244,9 +244,8 @@ def sensor_from(text: str, name: str = "sensor") -> Sensor:
     """
     known = json_object(text, name)
     word = known.pop("kind", None)
-    kind = _KINDS.get(word) if isinstance(word, str) else None
-    if kind is None:
-        raise ParameterError(f"{name}: kind", f"one of {', '.join(_KINDS)}", word, _KINDS)
+    check_names(f"{name}: kind", [word], [*_KINDS], near=True)
+    kind = _KINDS[word]
     accepted = [entry.name for entry in fields(kind)]
     check_names(name, known, accepted, f"keys of {word}:", near=True)
     for entry in fields(kind):

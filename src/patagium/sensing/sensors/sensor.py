@@ -249,19 +249,19 @@ class FramedSensor(Sensor):
         return scene.frame(body, np.asarray(self.position), np.asarray(self.orientation), times)
 
 
-def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:
-    """Tuple of finite numbers from one number for all or (size,).
+def vector(name: str, value: Any) -> tuple[float, ...]:
+    """Tuple of three finite numbers from one number for all or (3,).
 
     Raises:
         ShapeError: If the value has another shape.
         ParameterError: If a number is not finite.
     """
     array = real_array(name, value)
-    if array.shape not in ((), (size,)):
-        raise ShapeError(name, (size,), array.shape)
+    if array.shape not in ((), (3,)):
+        raise ShapeError(name, (3,), array.shape)
     if not np.isfinite(array).all():
         raise ParameterError(name, "finite numbers", value)
-    return tuple(np.broadcast_to(array, (size,)).tolist())
+    return tuple(np.broadcast_to(array, 3).tolist())
 
 
 def axes(name: str, value: Any) -> Axes:
