@@ -75,7 +75,7 @@ def usual_step(times: Array) -> float:
     return float(steps[np.abs(steps / np.median(steps) - 1) <= 0.5].mean())
 
 
-def stored(record: Any, name: str, *dims: str) -> Array:
+def stored(record: Any, name: str, *dims: Any) -> Array:
     """Variable of a Dataset as float64, its dimensions in the order of those named, if any."""
     return np.asarray((record[name].transpose(*dims) if dims else record[name]).values, float)
 

@@ -21,7 +21,7 @@ from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
-from patagium.arrays import Array
+from patagium.arrays import Array, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.reading import made_again
@@ -56,7 +56,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, ends: Array | None) -> list[s
     with made_again("the flight's air", FlightError):
         ground = air.get("ground")
         density, ground = float(air["density"]), ground and float(ground)
-    whole = flight["time"].to_numpy()[[0, -1]] if ends is None else ends
+    whole = stored(flight, "time")[[0, -1]] if ends is None else ends
     part = flight_between(flight, whole)
     found = [] if ends is None or air.get("gust") else [*_power(part)]
     found += [*_coefficient(robot, flight, density), *_downwash(flight)]
@@ -72,7 +72,7 @@ def _at(flight: xr.Dataset, sample: int | np.integer[Any]) -> str:
 
 def _power(flight: xr.Dataset) -> Iterator[str]:
     """Sentence about still air that gives power to the wings."""
-    time, wind = flight["time"].to_numpy(), flight["wind"].to_numpy()
+    time, wind = stored(flight, "time"), stored(flight, "wind")
     if time.size < 3:
         return
     if not wind.any():
@@ -80,13 +80,13 @@ def _power(flight: xr.Dataset) -> Iterator[str]:
     elif flight["added_mass_work"].any():
         return  # circulation's share of it is not recorded relative to the wind
     else:
-        power = flight["aero_power"].to_numpy()
+        power = stored(flight, "aero_power")
         steps = np.diff(time) * (power[1:] + power[:-1]) / 2
     given = float(steps.sum())
     if given <= NO_POWER * np.abs(steps).sum():
         return
-    moving = np.gradient(flight["strip_point"].to_numpy(), time, axis=0) - wind[:, None]
-    of_strips = (flight["strip_force"].to_numpy() * moving).sum(-1).mean(0)
+    moving = np.gradient(stored(flight, "strip_point"), time, axis=0) - wind[:, None]
+    of_strips = (stored(flight, "strip_force") * moving).sum(-1).mean(0)
     most, span = int(of_strips.argmax()), time[-1] - time[0]
     yield (
         f"Still air gives the wings {given / span:.2g} W on average from {time[0]:.3g} to "
@@ -100,8 +100,8 @@ def _coefficient(robot: Robot, flight: xr.Dataset, density: float) -> Iterator[s
 
     The dynamic pressure is at least that of the strip's root-mean-square speed.
     """
-    speed = flight["strip_airspeed"].to_numpy().astype(float)
-    force = np.linalg.norm(flight["strip_force"].to_numpy(), axis=-1)
+    speed = stored(flight, "strip_airspeed")
+    force = np.linalg.norm(stored(flight, "strip_force"), axis=-1)
     areas = np.array([s.chord * s.width for s in robot.strips], float)
     square = np.maximum(speed**2, (speed**2).mean(axis=0))
     pressure = 0.5 * density * areas * square
@@ -116,9 +116,9 @@ def _coefficient(robot: Robot, flight: xr.Dataset, density: float) -> Iterator[s
 
 def _downwash(flight: xr.Dataset) -> Iterator[str]:
     """Sentence about the fastest downwash, if it is faster than any strip has been."""
-    wash = np.abs(flight["downwash"].to_numpy())
+    wash = np.abs(stored(flight, "downwash"))
     at, strip = np.unravel_index(int(np.nanargmax(wash)), wash.shape)
-    fastest = float(np.nanmax(flight["strip_airspeed"].to_numpy()))
+    fastest = float(np.nanmax(stored(flight, "strip_airspeed")))
     if wash[at, strip] > fastest > 0:
         yield (
             f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
@@ -128,8 +128,8 @@ def _downwash(flight: xr.Dataset) -> Iterator[str]:
 
 def _descent(robot: Robot, flight: xr.Dataset, ends: Array) -> Iterator[str]:
     """Sentence about wings that sink into the air that they throw down, against its inflow."""
-    time = flight["time"].to_numpy()
-    states = beat_means(flight["aero_state"].to_numpy(), time, ends)
+    time = stored(flight, "time")
+    states = beat_means(stored(flight, "aero_state"), time, ends)
     moving = beat_means(air_velocity(flight, robot), time, ends)
     for k, name in enumerate(aero_of(flight).state_names):
         if not re.fullmatch(r"induced (\d+ )?velocity of x", name):
@@ -150,7 +150,7 @@ def _descent(robot: Robot, flight: xr.Dataset, ends: Array) -> Iterator[str]:
 
 def _slow(flight: xr.Dataset) -> Iterator[str]:
     """Sentence about wings so slow that the smoothing changes their forces by 3 % and more."""
-    fastest = float(np.sqrt((flight["strip_airspeed"].to_numpy() ** 2).mean(axis=0).max()))
+    fastest = float(np.sqrt((stored(flight, "strip_airspeed") ** 2).mean(axis=0).max()))
     if 0 < fastest < 2.5 * SWITCH_SPEED:
         yield (
             f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds "
@@ -161,7 +161,7 @@ def _slow(flight: xr.Dataset) -> Iterator[str]:
 
 def _ground(flight: xr.Dataset, ground: float | None) -> Iterator[str]:
     """Sentence about the first strip that goes into the ground, which holds nothing."""
-    heights = flight["strip_point"].to_numpy()[:, :, 2]
+    heights = stored(flight, "strip_point")[:, :, 2]
     if ground is not None and (heights < ground).any():
         at = int((heights < ground).any(axis=1).argmax())
         strip = flight["strip"].values[int(heights[at].argmin())]
@@ -175,7 +175,7 @@ def _clap(robot: Robot, flight: xr.Dataset) -> list[str]:
     """
     count = flight.sizes["time"]
     flight = flight.isel(time=np.unique(np.linspace(0, count - 1, min(count, LOOKS)).astype(int)))
-    origin, axes = poses_at(robot, flight["q"].to_numpy())
+    origin, axes = poses_at(robot, stored(flight, "q"))
     bodies, wings = map(np.array, zip(*((s.body, s.wing) for s in robot.strips), strict=True))
     axes = axes[:, bodies]
     point = origin[:, bodies] + np.einsum(

@@ -12,7 +12,7 @@ import xarray as xr
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools, find_gaps, means_between, stored
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, ParameterError
+from patagium.errors import FlightError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.simulation.flight import WINGBEATS, flying_mass, gait_period, robot_of
 
@@ -62,14 +62,13 @@ def cycle_statistics(
         ParameterError: If the gait has no period and none is given, or a number is not possible.
         FlightError: If no whole wingbeat is left.
     """
-    beat = gait_period(flight) if period is None else float(period)
-    if beat is None or not (np.isfinite(beat) and beat > 0):
-        raise ParameterError("period", "the time of a wingbeat [s]: the gait has none", period)
+    known = gait_period(flight) if period is None else period
+    beat = positive("period", known, "the time of a wingbeat [s]: the gait has none")
     if not (0 <= skip <= 1_000_000 and 2 <= phases <= 10_000):
         expected = "0 to a million wingbeats, 2 to ten thousand points"
         raise ParameterError("skip, phases", expected, (skip, phases))
     robot, time = robot_of(flight), stored(flight, "time")
-    steered = flight[WINGBEATS].to_numpy() if period is None and WINGBEATS in flight else None
+    steered = stored(flight, WINGBEATS) if period is None and WINGBEATS in flight else None
     ends = _ends(time, beat, skip, steered)
     whole, phase, weights = _whole(time, ends), np.arange(phases) / phases, np.diff(ends)
     beat = beat if steered is None else float(weights.mean())

@@ -263,17 +263,17 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     for first in range(0, max(flight.sizes["time"] - 1, 1), _BLOCK):
         more = _exchanged(flight.isel(time=slice(first, first + _BLOCK + 1)), robot)
         energy, impulse = energy + more[0], impulse + more[1]
-    residual = np.abs(flight["energy_residual"].to_numpy()).max()
-    fluid = flight["fluid_energy"].to_numpy()
-    unexplained = np.abs(fluid - fluid[0] + flight["added_mass_work"].to_numpy()).max()
-    drift = np.linalg.norm(flight["momentum_residual"].to_numpy(), axis=1).max()
+    residual = np.abs(stored(flight, "energy_residual")).max()
+    fluid = stored(flight, "fluid_energy")
+    unexplained = np.abs(fluid - fluid[0] + stored(flight, "added_mass_work")).max()
+    drift = np.linalg.norm(stored(flight, "momentum_residual"), axis=1).max()
     return {
         "energy_exchanged": energy,
         "impulse_exchanged": impulse,
         "energy_audit": float(residual / (energy or 1.0)),
         "fluid_energy_audit": float(unexplained / (energy or 1.0)),
         "momentum_audit": float(drift / (impulse or 1.0)),
-        "aero_power_largest": float(flight["aero_power"].to_numpy().max()),
+        "aero_power_largest": float(stored(flight, "aero_power").max()),
     }
 
 
@@ -282,15 +282,15 @@ _BLOCK = 1 << 16  # samples whose powers and forces are summed at once
 
 def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     """Energy [J] and impulse [N s] exchanged in a part of a flight."""
-    time = flight["time"].to_numpy()
-    velocity = flight["v"].to_numpy()
+    time = stored(flight, "time")
+    velocity = stored(flight, "v")
     names = ("u1", "aero_force", "damping_force", "mount_force", "added_mass_force")
-    forces = [flight[name].to_numpy() for name in names]
+    forces = [stored(flight, name) for name in names]
     powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
-    powers[1] = np.maximum(powers[1], np.abs(flight["aero_power"].to_numpy()))  # held in a wind
+    powers[1] = np.maximum(powers[1], np.abs(stored(flight, "aero_power")))  # held in a wind
     gravity = float(robot.gravity)
-    lifting = gravity * flight["momentum"].to_numpy()[:, 2]
-    strips, mount = (flight[name].to_numpy() for name in ("strip_force", "mount_wrench"))
+    lifting = gravity * stored(flight, "momentum")[:, 2]
+    strips, mount = (stored(flight, name) for name in ("strip_force", "mount_wrench"))
     pushes = strips.sum(axis=1), mount[:, :3]
     weight = gravity * flying_mass(flight, robot)
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
@@ -299,15 +299,15 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     energy = float(np.trapezoid(np.abs(lifting) + sum(powers), time))
     if robot.stiffness:  # what is stored and is not of the weight
         risen = np.diff(time) * (lifting[1:] + lifting[:-1]) / 2
-        stored = np.diff(flight["potential_energy"].to_numpy())
-        energy += float(np.abs(stored - risen).sum())
+        kept = np.diff(stored(flight, "potential_energy"))
+        energy += float(np.abs(kept - risen).sum())
     return energy, float(np.trapezoid(pushed, time))
 
 
 def flying_mass(flight: xr.Dataset, robot: Robot) -> Array:
     """Mass that flies, (N,) [kg]: that of its robot but where a payload or a loss changed it."""
     if MASS in flight:
-        return flight[MASS].to_numpy()
+        return stored(flight, MASS)
     return np.full(flight.sizes["time"], robot.flying.mass)
 
 
@@ -439,7 +439,7 @@ def _period(gait: Mapping[str, Any]) -> float | None:
         return positive("period", 1.0 / gait["frequency"])
     if "time" in gait:
         return positive("period", gait["time"][-1] - gait["time"][0])
-    return max((p for p in map(_period, gait.get("parts", ())) if p), default=None)
+    return max(filter(None, map(_period, gait.get("parts", ()))), default=None)
 
 
 def _require(flight: xr.Dataset, names: Sequence[str], name: str = "the flight") -> None:
@@ -609,9 +609,9 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
         ):
             if found != expected:
                 raise FlightError(f"{name}: {quantity}", expected, found)
-    time = flight["time"].to_numpy()
+    time = stored(flight, "time")
     for state in ("q", "v"):
-        values = flight[state].to_numpy()
+        values = stored(flight, state)
         if not np.isfinite(values).all():
             first = time[~np.isfinite(values).all(axis=1)][0]
             raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")

@@ -15,7 +15,7 @@ import xarray as xr
 from patagium.aerodynamics import Inflow, QuasiSteady
 from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
-from patagium.arrays import Array
+from patagium.arrays import Array, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.reading import json_object, made_again
@@ -101,8 +101,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     Raises:
         FlightError: If the flight does not carry its robot, or its attributes cannot be read.
     """
-    robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
-    steered = flight[WINGBEATS].to_numpy() if WINGBEATS in flight else None
+    robot, time, beat = robot_of(flight), stored(flight, "time"), gait_period(flight)
+    steered = stored(flight, WINGBEATS) if WINGBEATS in flight else None
     ends, beats = _averaged(time, beat, steered)
     begin, averaged = ends[0], flight_between(flight, ends)
     if steered is not None and beats:
@@ -165,10 +165,10 @@ def _of_body(robot: Robot, flight: xr.Dataset, begin: float) -> dict[str, Any]:
     if not robot.floating:
         return {}
     body, dofs = next(iter(robot.floating_bodies)), robot.floating_dofs
-    time = flight["time"].to_numpy()
-    position, rotation = poses_at(robot, flight["q"].to_numpy())
+    time = stored(flight, "time")
+    position, rotation = poses_at(robot, stored(flight, "q"))
     height, turned = position[:, body, 2], rotation[:, body]
-    velocity = flight["v"].to_numpy()[:, dofs[:3]]
+    velocity = stored(flight, "v")[:, dofs[:3]]
     ahead = np.einsum("ni,ni->n", turned[:, :, 0], velocity)
     angles = {
         "roll": np.arctan2(turned[:, 2, 1], turned[:, 2, 2]),
@@ -206,9 +206,9 @@ def _hover(robot: Robot, flight: xr.Dataset, ends: Array) -> Iterator[str]:
     told = str(flight.attrs.get("aero", "{}"))
     if not flight.sizes["strip"] or '"model"' not in told or f'"{Inflow.name}"' in told:
         return
-    fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
-    driven = flight["v"].to_numpy()[:, list(robot.actuated)].any()
-    velocity = beat_means(air_velocity(flight, robot), flight["time"].to_numpy(), ends)
+    fastest = float(stored(flight, "strip_airspeed").mean(axis=0).max())
+    driven = stored(flight, "v")[:, list(robot.actuated)].any()
+    velocity = beat_means(air_velocity(flight, robot), stored(flight, "time"), ends)
     if driven and not np.linalg.norm(velocity, axis=1).mean() > HOVER * fastest:
         yield NO_INFLOW
 
@@ -231,7 +231,7 @@ def _hinge(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
     air = innermost(aero_words(flight))
     if air.get("model") != QuasiSteady.name or air.get("force_point") == "moving":
         return
-    incidence = np.abs(flight["angle_of_attack"].to_numpy()).mean(axis=0)
+    incidence = np.abs(stored(flight, "angle_of_attack")).mean(axis=0)
     beyond = [place for place in hinged_strips(robot) if incidence[place] > SEPARATED]
     for place in beyond[:1]:
         yield HINGED.format(robot.strips[place].wing)
@@ -239,8 +239,8 @@ def _hinge(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
 
 def _overloads(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
     """Sentences about joints that take more than their actuators have."""
-    v, effort = flight["v"].to_numpy(), flight["u1"].to_numpy()
-    taken = dict(zip(CAPACITIES, (v, flight["a"].to_numpy(), effort, effort * v), strict=True))
+    v, effort = stored(flight, "v"), stored(flight, "u1")
+    taken = dict(zip(CAPACITIES, (v, stored(flight, "a"), effort, effort * v), strict=True))
     for k, (name, values) in enumerate(taken.items()):
         limits, what = getattr(robot, name), name.removesuffix("_limit")
         for i in robot.actuated if limits else ():

@@ -20,7 +20,15 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics.named_descriptions import field_values
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, brief, equal, real_array
-from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
+from patagium.errors import (
+    LogError,
+    ParameterError,
+    ShapeError,
+    check_names,
+    finite,
+    positive,
+    suggest_names,
+)
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.robot.units import meant, spoken
 from patagium.simulation.gait_models import (
@@ -341,8 +349,6 @@ def _direction(name: str, vector: Triple) -> Array:
 def _by_name(values: Mapping[str, float]) -> Array:
     vector = np.zeros(6)
     for name, value in values.items():
-        if name not in FLOATING_COORDINATES:
-            known = ", ".join(FLOATING_COORDINATES)
-            raise ParameterError(name, f"a coordinate of a path: {known}", name)
+        check_names(name, [name], FLOATING_COORDINATES, "a coordinate of a path:")
         vector[FLOATING_COORDINATES.index(name)] = finite(name, value)
     return vector

@@ -525,10 +525,10 @@ class Simulator:
 
     def message(self) -> str:
         """Outcome of the flight so far, in words."""
-        run, names, singular = self.run, self._layout.state_names, self._singular
+        run = self.run
         steps = run.steps if run.outcome is Outcome.COMPLETED else self.steps
-        time_step, cause = self.time_step, self._cause
-        return outcome_message(run, names, self._equations, steps, time_step, singular, cause)
+        known = run, self._layout.state_names, self._equations, steps, self.time_step
+        return outcome_message(*known, self._singular, self._cause)
 
     def flight(self) -> xr.Dataset:
         """The flight so far; one that may go on shares its numbers, and is read-only."""
@@ -641,9 +641,8 @@ def _equations(
     kind += f" on {cells!r}" if cells else ""
     gust = aero.air.traveling if robot.strips else None
     kind += "" if gust is None else " in a gust that travels"
-    models = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
-    models += [] if gust is None else [gust.parameters]
-    parameters = robot.parameters, np.concatenate(models)
+    models = (one for one in (aero, added_mass, gust) if one is not None)
+    parameters = robot.parameters, np.concatenate([one.parameters for one in models])
     functions = load_functions(
         f"flight {kind} {aero.key} {robot.structure}",
         lambda: flight_functions(robot, aero, mount, added_mass, cells),

@@ -226,7 +226,7 @@ def values_of(reading: xr.Dataset, name: str, size: int) -> Array:
     if name not in reading:
         held = ", ".join(map(str, reading.data_vars))
         raise LogError(f"reading: expected {name} (time, {size}), but it holds {held}")
-    values = np.asarray(reading[name].transpose("time", ...).values, float)
+    values = stored(reading, name, "time", ...)
     if values.shape[1:] != (size,):
         raise LogError(name, f"shape (time, {size})", values.shape)
     return values

@@ -72,8 +72,7 @@ class Scene:
             raise FlightError(
                 f"flight: expected {name} (time, ...) for {needed_by}, but it holds {held}"
             )
-        variable = self.flight[name]
-        values = np.asarray(variable.transpose("time", ...).values, float)
+        values = stored(self.flight, name, "time", ...)
         if not np.isfinite(values).all():
             raise FlightError(f"{name}: expected finite numbers for {needed_by}")
         return values
@@ -82,7 +81,7 @@ class Scene:
         """Coordinates q, (N, n_q), v and a, (N, n), at given times [m, rad and their rates]."""
         return tuple(np.asarray(part(times)) for part in (self._q, self._v, self._a))  # type: ignore[return-value]
 
-    def through(self, values: Array, times: Array, bandwidth: float | None = None) -> Array:
+    def through(self, values: Array, times: Array, bandwidth: float | None) -> Array:
         """Cubic through values at the samples of the flight, at given times, (N, ...).
 
         Args:
@@ -135,8 +134,7 @@ def _frame_function(robot: Robot, body: int) -> NativeFunction:
         inputs = {"q": q, "v": v, "a": a, "offset_parameters": offset, "parameters": p}
         motion = {"position": pose.at(offset), "rotation": pose.rotation}
         motion |= {"angular_velocity": w, "specific_force": felt}
-        dense = {name: ca.densify(one) for name, one in motion.items()}
-        return [named_function("frame", inputs, dense)]
+        return [named_function("frame", inputs, motion)]
 
     name = robot.bodies[body].name
     key = f"frame of body {body} {robot.structure}"
