@@ -25,16 +25,12 @@ class Pieces:
     """Rigid pieces of a flexible body.
 
     Attributes:
-        plate: The whole body's shape.
-        flexible: Its elasticity.
         names: Name of each, from the root outwards.
         root: Place of the root's end of the plate along y [m].
         outwards: 1 where the plate goes along y from there, -1 where it goes against it.
         hinges: Distance of each hinge from the root's end, rising, (n,) [m].
     """
 
-    plate: Plate
-    flexible: FlexiblePart
     names: tuple[str, ...]
     root: float
     outwards: float
@@ -56,16 +52,12 @@ class Pieces:
 
 def pieces_of(name: str, body: BodyPart) -> Pieces:
     """Pieces into which a flexible body is cut."""
-    plate, flexible = body.shape, body.flexible
-    if not isinstance(plate, Plate) or flexible is None:
-        raise TypeError("a flexible body is a plate")  # the schema sees to it
+    plate, flexible = _plate(body)
     outwards = 1.0 if body.center_of_mass[1] >= 0 else -1.0
     element = 2 * plate.span / flexible.elements
     firsts = element * np.arange(flexible.elements // 2)
     points = element * (0.5 + np.array([-0.5, 0.5]) / np.sqrt(3))
     return Pieces(
-        plate,
-        flexible,
         (name, *(f"{name}_{k + 1}" for k in range(flexible.elements))),
         body.center_of_mass[1] - outwards * plate.span / 2,
         outwards,
@@ -88,9 +80,15 @@ def flexed(bodies: dict[str, BodyPart]) -> dict[str, BodyPart]:
     return found
 
 
+def _plate(body: BodyPart) -> tuple[Plate, FlexiblePart]:
+    if not isinstance(body.shape, Plate) or body.flexible is None:
+        raise TypeError("a flexible body is a plate")  # the schema sees to it
+    return body.shape, body.flexible
+
+
 def _cut(body: BodyPart, pieces: Pieces) -> dict[str, BodyPart]:
     """Pieces of a flexible body by name, each with its share of mass and span."""
-    plate, flexible = pieces.plate, pieces.flexible
+    plate, flexible = _plate(body)
     x, _, z = body.center_of_mass
     ends, found = np.r_[0.0, pieces.hinges, plate.span], dict[str, BodyPart]()
     for k, (name, length) in enumerate(zip(pieces.names, np.diff(ends), strict=True)):
