@@ -55,8 +55,8 @@ class ArdupilotFile(ColumnsFile):
                 try:
                     self._add(kind, found)
                 except (LogError, ValueError) as problem:  # NumPy's of a damaged format
-                    count, rows = len(self._reader.offsets[kind]), StampSource("rows")
-                    lost = Topic(found.name, self.format, count, {}, rows, str(problem))
+                    count = len(self._reader.offsets[kind])
+                    lost = Topic(found.name, self.format, count, problem=str(problem))
                     self.topics[found.name] = lost
         other = len(self._content) - sum(
             len(places) * self._reader.formats[kind].len

@@ -117,8 +117,8 @@ class Topic:
     name: str
     kind: str
     count: int | None
-    channels: Mapping[str, Channel]
-    base: StampSource
+    channels: Mapping[str, Channel] = field(default_factory=dict)
+    base: StampSource = StampSource("rows")
     problem: str = ""
     aliases: Mapping[str, str] = field(default_factory=dict)
     about: int = 0

@@ -60,8 +60,6 @@ _SECONDS = ("sec", "secs", "seconds")
 _NUMBERS = {"bool": bool | np.bool_, "int": int | np.integer, "float": float | np.floating}
 _NANOS = ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
 
-Getter = Callable[[Any], Any]
-
 
 class Message(NamedTuple):
     """Message that is decoded when its content is needed.
@@ -92,7 +90,7 @@ def message_topic(
         decode: Function that returns a decoded message.
         known: The topic by the messages before it, which is returned if it cannot be decoded.
     """
-    held = known or unreadable_topic(name, kind, count, "")
+    held = known or Topic(name, kind, count)
     channels, aliases, unplaced = dict(held.channels), dict(held.aliases), dict(held.unplaced)
     own = dict[str, str]()
     try:
@@ -108,7 +106,7 @@ def message_topic(
     except Exception as problem:  # decoders raise their own errors
         ours = isinstance(problem, LogError)
         reason = str(problem) if ours else f"cannot be decoded: {one_line(problem, _MOST_WORDS)}"
-        return known or unreadable_topic(name, kind, count, reason)
+        return known or Topic(name, kind, count, problem=reason)
     parts = {path[: mark.start()] for path in channels for mark in _END.finditer(path)}
     unplaced = {path: why for path, why in unplaced.items() if path not in parts}
     place, stamp = _first_stamp(first, own_stamp(own, next(iter(channels), "")))
@@ -165,11 +163,6 @@ def message_blocks(
     yield from rest
 
 
-def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
-    """Topic without numbers that says why it cannot be read."""
-    return Topic(name, kind, count, {}, StampSource("received"), problem)
-
-
 class _Rows:
     """Rows of one request that are collected for a block."""
 
@@ -203,7 +196,7 @@ class _Rows:
         return Block(self.key, stamps, values)
 
 
-def getter(path: str) -> Getter:
+def getter(path: str) -> Callable[[Any], Any]:
     """Function that takes the value at a path out of a message.
 
     Args:
@@ -631,7 +624,7 @@ class McapFile(_Recording):
                     looked[name] += 1
                     topics[name] = message_topic(name, kind, None, decode, known)
         for name in counts:
-            topics.setdefault(name, unreadable_topic(name, "", 0, NO_MESSAGE))
+            topics.setdefault(name, Topic(name, "", 0, problem=NO_MESSAGE))
         return {name: replace(topics[name], count=counts[name]) for name in sorted(topics)}
 
     def _records(

@@ -588,8 +588,7 @@ class CsvFile(_RowsFile):
         try:
             topic = self._table("".join(look), stated)
         except LogError as problem:  # which `inspect` lists
-            reason = str(problem).removeprefix(f"{path}: ")
-            topic = Topic("", "table", None, {}, StampSource("rows"), reason)
+            topic = Topic("", "table", None, problem=str(problem).removeprefix(f"{path}: "))
         self.topics = {"": topic}
 
     def _parts(self, sources: list[str]) -> Iterator[Any]:
