@@ -51,14 +51,7 @@ def stated_air(line: bytes) -> Air | None:
 
 def is_log(path: str | Path) -> bool:
     """Whether a file is an imported log."""
-    file = Path(path)
-    if file.suffix.lower() != ".nc" or not file.is_file():
-        return False
-    try:
-        with open_netcdf(file) as opened:
-            return bool(getattr(opened, "format", "") == FORMAT)
-    except (OSError, RuntimeError, ValueError):
-        return False
+    return Path(path).suffix.lower() == ".nc" and kind_of(path).startswith("an imported log")
 
 
 class LogRecord(AbstractContextManager["LogRecord"]):
