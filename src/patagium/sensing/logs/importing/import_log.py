@@ -76,7 +76,7 @@ class NetcdfWriter:
                 facts: dict[str, Any] = {"role": item.role, "quantity": words.label}
                 facts |= {"step_in_log": stamps.median, "rounding_in_log": rounding}
                 if np.isfinite(bounds).all():
-                    facts["expected_range"] = list(bounds)
+                    facts["expected_range"] = bounds
                 axes = {"frame_in_log": words.frame, "body_in_log": words.body}
                 facts |= {name: one for name, one in axes.items() if one is not None}
                 self._columns.append(self._variable(label, item.unit, facts))

@@ -148,10 +148,10 @@ def inspect_log(
         LogError: If no topic of the log can be read, or it holds nothing at all.
     """
     with closing(open_log(paths, skip_rows=skip_rows)) as log:
-        lost = [topic for topic in log.topics.values() if topic.problem]
-        sound = [topic for topic in log.topics.values() if not topic.problem]
-        readable = [part for topic in sound for part in _parts(log, topic)]
-        readable, surveys, broken = _surveyed(log, readable, progress)
+        topics = log.topics.values()
+        lost = [topic for topic in topics if topic.problem]
+        parts = [part for topic in topics if not topic.problem for part in _parts(log, topic)]
+        readable, surveys, broken = _surveyed(log, parts, progress)
         starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
         origin = min(starts, default=0)
         facts, found = [], []

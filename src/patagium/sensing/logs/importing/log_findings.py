@@ -263,21 +263,21 @@ def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
     found: list[tuple[str, str, str]] = []
     if still:
         found.append(("note", "constant", f"never change: {', '.join(still)}"))
-    joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
+    names = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
+    joints = {f"q.{name}": name for name in names}
     moved = []
-    for name in (name for name in joints if f"q.{name}" in held):
-        values, place = seen[f"q.{name}"]
-        if held[f"q.{name}"].column.unit in ("deg", "degree", "°") and not values.noise[place]:
+    for label in joints.keys() & held.keys():
+        values, place = seen[label]
+        if held[label].column.unit in ("deg", "degree", "°") and not values.noise[place]:
             moved.append(float(values.high[place] - values.low[place]))
     if 0 < max(moved, default=0.0) < _LITTLE:
         text = f"no joint in deg moves by more than {max(moved):.2g} deg; are they in rad?"
         found.append(("warning", "unit", text))
-    unmeasured = [name for name in joints if f"q.{name}" not in held]
     text = ""
-    if unmeasured:
+    if unmeasured := [name for label, name in joints.items() if label not in held]:
         text = f"no q of {some(unmeasured, 6)}, joints of {robot.name!r}"
-    elif {f"q.{name}" for name in joints} <= set(still):
-        text = f"no joint moves in the whole log: were {some(joints, 6)} measured? If not"
+    elif joints.keys() <= set(still):
+        text = f"no joint moves in the whole log: were {some(names, 6)} measured? If not"
     if text and robot.strips and joints:
         found.append(("warning", "joints", f"{text}, {_DENSE}"))
     if plan.zero:
@@ -286,8 +286,7 @@ def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
     base = {f"{kind}.{robot.dof_names[k]}" for kind in "qv" for k in robot.floating_dofs}
     if plan.zero and base and base <= set(still):
         found.append(("warning", "held", HELD))
-    missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints} - plan.zero.keys())
-    if missing:
+    if missing := sorted(wanted.keys() - held.keys() - joints.keys() - plan.zero.keys()):
         text = f"found no {some(missing, 6)}: the log is no flight of {robot.name!r} yet"
         found.append(("note", "missing", text))
     return [Finding(level, "flight", kind, text) for level, kind, text in found]

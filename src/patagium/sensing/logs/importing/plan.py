@@ -105,16 +105,15 @@ class Quantity:
         values: Array = (raw - words.offset) * (-self.factor if words.negated else self.factor)
         return values if words.frame is None else values @ _axes(words.frame).T
 
-    def bounds(self) -> list[tuple[float, float]]:
-        """Expected range of each label in the unit of the model; NaN where none is stated."""
+    def bounds(self) -> Array:
+        """Expected range of each label in the unit of the model, (n, 2); NaN if none is stated."""
         words = self.column
         if words.range is None:
-            return [(np.nan, np.nan)] * len(words.labels)
+            return np.full((len(words.labels), 2), np.nan)
         factor = -self.factor if words.negated else self.factor
         bounds = (np.array(words.range)[:, None] - words.offset) * factor  # (2, 1) or (2, 3)
         ends = np.broadcast_to(bounds, (2, 3)) @ _axes(words.frame).T
-        rows = np.sort(ends, axis=0).T.tolist()
-        return [(row[0], row[1]) for row in rows[: len(words.labels)]]
+        return np.sort(ends, axis=0).T[: len(words.labels)]
 
 
 def coordinates(items: Sequence[Quantity], robot: Robot | None) -> dict[str, Quantity]:
