@@ -94,7 +94,7 @@ def consistency(spool: Spool, base: TimeBase) -> tuple[list[Finding], list[dict[
     facts: list[dict[str, Any]] = []
 
     def body_of(item: Quantity) -> str | None:
-        return None if robot is None else body_in(item.column.label, robot)
+        return None if robot is None else body_in(item.label, robot)
 
     def of_base(item: Quantity) -> bool:
         return robot is None or body_of(item) == body_in("", robot)
@@ -115,11 +115,11 @@ def consistency(spool: Spool, base: TimeBase) -> tuple[list[Finding], list[dict[
     for attitude in attitudes:
         place = beside(attitude, [item for item in vectors if item.si == "m"])
         if place is not None and of_base(attitude) and attitude.order in OTHER_ORDER:
-            if not any(attitude.column.label in one.where for one in found):
+            if not any(attitude.label in one.where for one in found):
                 found += _order_findings(looked, attitude, place)
     told = {one.where.partition(" and ")[0] for one in found if one.kind == "axes"}
     for force in forces:
-        if of_base(force) and force.column.label not in told:
+        if of_base(force) and force.label not in told:
             found += _down_findings(force, spool)
     return found, facts
 
@@ -247,7 +247,7 @@ def _along_body(looked: _Stretches, items: Sequence[Quantity]) -> bool:
 
 
 def _compare(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Finding]:
-    names = f"{place.column.label} and {rate.column.label}"
+    names = f"{place.label} and {rate.label}"
     return _agreement(names, looked.of(place, rate), looked.span, turning=place.is_attitude)
 
 
@@ -304,7 +304,7 @@ def _order_findings(looked: _Stretches, attitude: Quantity, place: Quantity) -> 
     other = replace(attitude, order=OTHER_ORDER[order])
     pieces = looked.of(place, attitude, other)
     declared, instead = ([(t, part[0], part[k]) for t, part in pieces] for k in (1, 2))
-    names = f"{attitude.column.label} and {place.column.label}"
+    names = f"{attitude.label} and {place.label}"
     return order_findings(names, order, declared, instead, looked.span)
 
 
@@ -319,18 +319,18 @@ def _forces(
     if not pieces:
         return [], []
     mean = np.concatenate([values[-1] for _, values in pieces]).mean(axis=0)
-    name = force.column.label
+    name = force.label
     fact: dict[str, Any] = {"specific_force": name, "mean_in_world": mean.tolist()}
     if speed is not None:
         change, means = _changes(pieces, looked.span)
         less = means - [0.0, 0.0, GRAVITY] - change
-        fact["velocity"] = speed.column.label
+        fact["velocity"] = speed.label
         fact["residual_mean"] = less.mean(axis=0).tolist()
         fact["residual_rms"] = np.sqrt((less**2).mean(axis=0)).tolist()
         fact["residual_std"] = less.std(axis=0).tolist()
         fact["acceleration_rms"] = np.sqrt((change**2).mean(axis=0)).tolist()
         fact["span"] = looked.duration
-    return _gravity_findings(name, attitude.column.label, mean), [fact]
+    return _gravity_findings(name, attitude.label, mean), [fact]
 
 
 def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
@@ -418,7 +418,7 @@ def _down_findings(force: Quantity, spool: Spool) -> list[Finding]:
         "level or rests feels 1 g up: is z down in the log (frame: frd or ned), or the sensor "
         "mounted upside down?"
     )
-    return [Finding("warning", force.column.label, "axes", text)]
+    return [Finding("warning", force.label, "axes", text)]
 
 
 def _of_world(item: Quantity) -> bool:

@@ -290,7 +290,7 @@ def _refuse_unusable(spool: Spool) -> None:
         asked = item.needed or item.role == "output"
         if asked and not spool.surveys[item.stream].values.count[item.places].all():
             found = "none; leave it out of the mapping if it was not measured"
-            raise LogError(f"{log.path}: {item.column.label}", "finite numbers", found)
+            raise LogError(f"{log.path}: {item.label}", "finite numbers", found)
 
 
 def _write(

@@ -69,7 +69,7 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
     )
     for item in plan.items:
         label = next((one for one in item.column.labels if one in flown), "")
-        conversion(item.column.unit, units.get(label), f"mapping: {item.column.label}")
+        conversion(item.column.unit, units.get(label), f"mapping: {item.label}")
         found += _item_findings(item, spool, bool(label), still)
         for check in _CHECKS:
             found += check(item, spool)
@@ -80,7 +80,7 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
 
 def _item_findings(item: Quantity, spool: Spool, flown: bool, still: bool) -> Iterator[Finding]:
     """Findings about numbers, size and unit of a quantity, `flown` if a coordinate of a robot."""
-    name, values = item.column.label, spool.surveys[item.stream].values
+    name, values = item.label, spool.surveys[item.stream].values
     yield from number_findings(name, values, item.places, "" if flown else "warning")
     if item.column.turn and spool.surveys[item.stream].stamps.gaps(spool.plan.mapping.gap):
         text = f"whole turns ({item.turn:g}) in a gap are not counted: it may be off after it"
@@ -106,10 +106,10 @@ _WITH_UNIT = (None, "rpy", "rotvec")
 
 def _is_change(item: Quantity, spool: Spool) -> bool:
     """Whether a rate v is as large as the coordinate q of its name changes: its unit is right."""
-    kind, _, name = item.column.label.partition(".")
+    kind, _, name = item.label.partition(".")
     rms = spool.surveys[item.stream].values.rms[item.places[0]] * item.si_factor
     for one in spool.plan.items if kind == "v" and item.si == "rad/s" else ():
-        if one.column.label == f"q.{name}" and one.si == "rad":
+        if one.label == f"q.{name}" and one.si == "rad":
             survey = spool.surveys[one.stream]
             change = survey.values.change[one.places[0]] * one.si_factor / survey.stamps.median
             return bool(rms / _APART < change < _APART * rms)
@@ -125,7 +125,7 @@ def _wind_findings(item: Quantity, spool: Spool) -> list[Finding]:
 
     None of one named `wind`, or `wind.x`, which `identify` and `motion` follow.
     """
-    name, places, values = item.column.label, item.places, spool.surveys[item.stream].values
+    name, places, values = item.label, item.places, spool.surveys[item.stream].values
     if spool.plan.robot is None or item.si != "m/s" or _WIND.search(name) is None:
         return []
     if not values.count[places].all() or set(WIND) & set(item.column.labels):
@@ -157,7 +157,7 @@ def _recorder_findings(item: Quantity, spool: Spool) -> Iterator[Finding]:
     joint = spool.plan.robot is not None and single and item.si in ("rad", "m")
     for numbers in () if item.is_attitude else first.T:
         yield from recorder_findings(
-            item.column.label, stamps, numbers, spool.plan.mapping.gap,
+            item.label, stamps, numbers, spool.plan.mapping.gap,
             measured=measured, joint=joint, turn=item.turn,
         )  # fmt: skip
 
@@ -170,7 +170,7 @@ def _matrix_findings(item: Quantity, spool: Spool) -> list[Finding]:
     """
     if item.order != "matrix":
         return []
-    name, rows, bad, worst = item.column.label, 0, 0, np.empty((0, 9))
+    name, rows, bad, worst = item.label, 0, 0, np.empty((0, 9))
     for block in spool.blocks_of(item):
         matrices = block[np.isfinite(block).all(axis=1)]
         lost = matrices[~is_rotation(matrices)]
@@ -222,7 +222,7 @@ def _stated_unit(item: Quantity, spool: Spool) -> list[Finding]:
     named = "".join(wanted.fields[k][-1:].lower() for k in item.places)
     if sorted(named) == list("wxyz") and item.order and named != item.order:
         text = f"the mapping says order: {item.order}, but its columns are named {named}"
-        return [Finding("warning", item.column.label, "attitude", text)]
+        return [Finding("warning", item.label, "attitude", text)]
     if not stated or item.order not in _WITH_UNIT:
         return []
     factor, si = si_of(stated)
@@ -231,7 +231,7 @@ def _stated_unit(item: Quantity, spool: Spool) -> list[Finding]:
     if "Twist" in topic.kind and item.si == f"{si}^2":
         return []  # an acceleration, for which ROS has no widely used message of its own
     text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
-    return [Finding("warning", item.column.label, "unit", text)]
+    return [Finding("warning", item.label, "unit", text)]
 
 
 _CHECKS = _range_findings, _recorder_findings, _wind_findings, _matrix_findings, _stated_unit

@@ -66,6 +66,11 @@ class Quantity:
     order: str | None
 
     @property
+    def label(self) -> str:
+        """Name in results."""
+        return self.column.label
+
+    @property
     def is_attitude(self) -> bool:
         """Whether the quantity is an attitude."""
         return self.order is not None
@@ -78,7 +83,7 @@ class Quantity:
     @property
     def needed(self) -> bool:
         """Whether no sample is made without it: all but outputs and forces of joints."""
-        part = self.column.label.partition(".")[0]
+        part = self.label.partition(".")[0]
         return part in PARTS[:3] or (self.role != "output" and part != PARTS[3])
 
     @property
@@ -122,10 +127,10 @@ def coordinates(items: Sequence[Quantity], robot: Robot | None) -> dict[str, Qua
     A vector named q, v or a holds three where numbers of its part, such as `q.roll`, stand beside.
     """
     wanted = flight_labels(robot)
-    found = {one.column.label: one for one in items if one.column.label in wanted}
+    found = {one.label: one for one in items if one.label in wanted}
     parts = {label.partition(".")[0] for label in found}
     for one in items:
-        if one.column.label in parts and not one.is_attitude:
+        if one.label in parts and not one.is_attitude:
             words, offset = one.column, np.broadcast_to(one.column.offset, 3)
             for label, row in zip(words.labels, _axes(words.frame), strict=True):
                 k = int(np.abs(row).argmax())

@@ -101,7 +101,7 @@ class Spool(AbstractContextManager["Spool"]):
             advances = np.ones(len(stamps), np.bool_)
         kept = values[advances]
         if self.plan.mapping.time.duplicates == "keep-last" and len(stamps):
-            latest = np.maximum.accumulate(np.concatenate([[self._latest[stream]], stamps]))[1:]
+            latest = np.maximum(np.maximum.accumulate(stamps), self._latest[stream])
             group = np.cumsum(advances) - 1
             same = (stamps == latest) & (stamps != NO_STAMP)
             inside = same & (group >= 0)
@@ -265,7 +265,7 @@ def _between(spool: Spool, item: Quantity, seconds: Array, values: Array, wanted
     if item.is_attitude:
         return slerp(seconds, continuous(values), wanted)
     if item.turn:  # whole turns are taken off, also of blocks
-        turn, name = item.turn * item.factor, item.column.label
+        turn, name = item.turn * item.factor, item.label
         mixed = np.interp(wanted, seconds, np.unwrap(values[:, 0], period=turn))
         wraps = np.abs(np.diff(values[:, 0])).max(initial=0.0) > 0.5 * turn
         before = spool.angles.get(name, 0.0 if wraps else mixed[0])

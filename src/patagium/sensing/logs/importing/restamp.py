@@ -80,7 +80,7 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
         )
     start = float(np.median(late))
     shift = np.zeros(len(stamps))
-    shift[known[gaps]] = np.diff(np.concatenate([[0.0], lost]))[gaps]
+    shift[known[gaps]] = np.diff(lost, prepend=0.0)[gaps]
     grid = rows + np.cumsum(shift)
     off = late - start
     some = f"{int(lost[-1])} row(s) as lost in {len(gaps)} gap(s)"
