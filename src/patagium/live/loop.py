@@ -55,13 +55,14 @@ class Counters:
         failed: Number of those at which the learner failed.
     """
 
+    samples = learned = failed = 0
+    _slowest = 0.0
+
     def __init__(self, outputs: int, memory: float) -> None:
         self._keep = 1.0 - 1.0 / memory
         self._errors, self._lately = ErrorSums(outputs), IntervalSums(outputs)
         self._all = IntervalSums(outputs)
         self._bins = np.zeros(len(_BINS), np.int64)
-        self._slowest = 0.0
-        self.samples, self.learned, self.failed = 0, 0, 0
 
     def add(self, records: Records) -> None:
         """Count more samples, in order."""

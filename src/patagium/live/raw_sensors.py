@@ -164,6 +164,10 @@ class MotionPackets:
         ParameterError: If the robot has no such body or joint, or its attitude is a quaternion.
     """
 
+    spent = _took = 0.0
+    _last, _silent = -np.inf, False
+    _tracker: MotionTracker | None = None
+
     def __init__(self, robot: Robot, text: str) -> None:
         if robot.coordinate_count != robot.dof:
             expected = "Euler angles for raw sensors (attitude: euler)"
@@ -189,8 +193,6 @@ class MotionPackets:
         self._fastest = max(self._seeing, key=lambda name: self._sensors[name].rate)
         said = [f"{n} ({type(s).__name__}, {s.rate:g} Hz)" for n, s in self._sensors.items()]
         self.notes = [f"Raw sensors: {', '.join(said)}"]
-        self.spent = 0.0
-        self._took = 0.0
         self._waiting: list[tuple[float, str, Array]] = []
         counted = "late", "clock_resets", "out_of_range", "lost_tracks", "silences"
         self.counts = dict.fromkeys(counted, 0)
@@ -200,14 +202,12 @@ class MotionPackets:
         self._leads: dict[str, float] = {}
         self._set: dict[str, float] = {}
         self._unheard: Counter[str] = Counter()
-        self._last, self._silent = -np.inf, False
         self._samples = {name: np.zeros(2, int) for name in self._sensors}  # bad, and all
         self._told: set[str] = set()
         self._shifts: dict[str, float] = {}
         self._settings: tuple[Array, dict[str, Array]] = np.empty(0), {}
         self._due: list[float] = []
         self._torque = _Torque(robot, self._sensors, self._mount, self._shifts)
-        self._tracker: MotionTracker | None = None
         self._made = np.empty((0, len(packet_columns(robot))))
         self._turn = np.zeros(3)
         lengths = np.array(robot.dof_units) == "m"
@@ -427,12 +427,13 @@ class MotionPackets:
             samples = [(stamp, row) for stamp, name, row in self._waiting if name == label]
             if len(samples) < 2:
                 raise LogError(label, "samples in the first second", "none")
+            stamps, rows = zip(*samples, strict=True)
             parts = channels(self._robot, self._sensors[label])
             cuts = np.cumsum([len(one) for one in parts.values()])[:-1]
-            blocks = np.split(np.array([row for _, row in samples]), cuts, axis=1)
+            blocks = np.split(np.array(rows), cuts, axis=1)
             named = zip(parts, blocks, strict=True)
             variables = {name: (("time", f"{name}_part"), block) for name, block in named}
-            readings[label] = xr.Dataset(variables, {"time": [stamp for stamp, _ in samples]})
+            readings[label] = xr.Dataset(variables, {"time": [*stamps]})
         seeing = {name: self._sensors[name] for name in self._seeing}
         return SensorLog(readings, seeing, {}, self._robot, self._mount)
 
@@ -543,8 +544,7 @@ class _Torque:
             found[:, self._columns[name]] = np.nan
             if len(kept) < 2:
                 continue
-            stamps = np.array([stamp for stamp, _ in kept])
-            force = np.array([row for _, row in kept])
+            stamps, force = map(np.array, zip(*kept, strict=True))
             after = np.clip(np.searchsorted(stamps, moments), 1, len(stamps) - 1)
             apart = stamps[after] - stamps[after - 1]
             near = np.maximum(apart, moments - stamps[after]) < longest

@@ -59,19 +59,20 @@ class PacketQueue:
         spent: Time that each packet taken last took to be made of raw rows [s].
     """
 
+    motion: MotionPackets | None = None
+    spent = 0.0
+    _held = _look = 0
+    _closed = _abandoned = False
+    _problem: Exception | None = None
+
     def __init__(
         self, capacity: int, columns: int, intake: Intake, robot: Robot | None = None
     ) -> None:
         self.intake, self._robot = intake, robot
-        self.motion: MotionPackets | None = None
-        self.spent = 0.0
         self._capacity, self._columns = capacity, columns
         self._blocks: deque[Array] = deque()
-        self._held, self._closed, self._abandoned = 0, False, False
-        self._problem: Exception | None = None
         self._doubts: list[str] = []
         self._first = np.empty((0, columns))
-        self._look = 0
         self._changed = threading.Condition()
 
     def describe(self, text: str) -> tuple[str, ...]:

@@ -62,15 +62,15 @@ class StampSurvey:
         far: Statistics of the numbers in the file, as if in ns, where none is a stamp in `unit`.
     """
 
+    rows = kept = missing = duplicates = backwards = 0
+    furthest_back = longest = longest_at = 0
+    first: int | None = None
+    last = NO_STAMP
     unit = 1e9
     far: StampSurvey | None = None
+    _last_row = _last_back = 0
 
     def __init__(self) -> None:
-        self.rows, self.kept, self.missing = 0, 0, 0
-        self.duplicates, self.backwards, self.furthest_back = 0, 0, 0
-        self.first: int | None = None
-        self.last, self._last_row, self._last_back = NO_STAMP, 0, 0
-        self.longest, self.longest_at = 0, 0
         self._bins = np.zeros(_BINS, np.int64)
         self._sums = np.zeros(_BINS)
 
@@ -175,13 +175,10 @@ class ValueSurvey:
     """
 
     def __init__(self, channels: int) -> None:
-        self.count = np.zeros(channels, np.int64)
-        self.missing = np.zeros(channels, np.int64)
+        self.count, self.missing = np.zeros((2, channels), np.int64)
         self.low = np.full(channels, np.inf)
         self.high = np.full(channels, -np.inf)
-        self._sum = np.zeros(channels)
-        self._square = np.zeros(channels)
-        self._steps = np.zeros(channels)
+        self._sum, self._square, self._steps = np.zeros((3, channels))
 
     def add(self, values: Array) -> None:
         """Add more rows, (k, n) in the unit of the file, to the statistics."""
