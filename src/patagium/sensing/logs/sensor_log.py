@@ -166,9 +166,16 @@ class _Found:
         self._take_base_pose()
         for one, other, word, kind, facts in _GROUPS:
             for body, seen in self.bodies.items():
-                if one not in seen and other not in seen:
+                missing = [part for part in (one, other) if part not in seen]
+                if len(missing) == 2:
                     continue
-                (name, first), (also, second) = _both(seen, one, other, body)
+                if missing:
+                    (here,) = seen.keys() & {one, other}
+                    raise LogError(
+                        f"{seen[here][0]}: expected {missing[0].replace('_', ' ')} of {body} to go "
+                        "with it; add its field to the mapping"
+                    )
+                (name, first), (also, second) = seen[one], seen[other]
                 parts = {one: ("axis", first), other: ("axis", second)}
                 if kind is LoadCell:
                     parts = {"wrench": ("component", np.hstack([first, second]))}
@@ -269,15 +276,3 @@ def body_in(name: str, robot: Robot) -> str | None:
     named = [body.name for body in robot.bodies if body.name.lower() in name.lower()]
     floating = [body.name for body in robot.floating_bodies.values()]
     return max(named, key=len) if named else (floating or [robot.bodies[0].name])[0]
-
-
-def _both(
-    parts: Mapping[str, tuple[str, Array]], one: str, other: str, body: str
-) -> tuple[tuple[str, Array], tuple[str, Array]]:
-    if one in parts and other in parts:
-        return parts[one], parts[other]
-    here, missing = (one, other) if one in parts else (other, one)
-    raise LogError(
-        f"{parts[here][0]}: expected {missing.replace('_', ' ')} of {body} to go with it; add its "
-        "field to the mapping"
-    )
