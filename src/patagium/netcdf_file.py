@@ -19,7 +19,6 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import netCDF4
@@ -108,7 +107,7 @@ class NetcdfDraft(Draft):
 def write_netcdf(
     path: str | Path,
     dataset: xr.Dataset,
-    groups: Mapping[str, xr.Dataset] = MappingProxyType({}),
+    groups: Mapping[str, xr.Dataset] | None = None,
     *,
     compressed: bool = False,
     single: Collection[str] = (),
@@ -135,7 +134,7 @@ def write_netcdf(
                 if one.dtype.kind == "f" and one.size and one.ndim:
                     encoding.setdefault(str(name), {}).update(_compression(one))
         draft.add(dataset, **encoding)
-        for name, content in groups.items():
+        for name, content in (groups or {}).items():
             draft.add(content, name)
     return draft.target
 
