@@ -29,7 +29,7 @@ from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.result import Identification
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import BlockRun, Samples, forecast_scores, forecasters, used_samples
+from patagium.learning.stream import BlockRun, Samples, forecast_scores, used_samples
 from patagium.learning.table_network import range_words, samples_that_scale
 from patagium.learning.verdict import Block, frozen_scores, with_verdict
 from patagium.sensing.logs.record import LogRecord
@@ -196,9 +196,8 @@ class _LongRun:
             self.memory.last = None  # it begins anew after a gap
         self.gaps += len(gaps)
         samples = Samples(time[rows], table.x[rows], table.y[rows], gaps)
-        half = total // 2 - begin
-        watches = forecasters(self.learner, samples, self.every, self.forecasts, half)
-        run = BlockRun(self.learner, samples, self.every, watches, self.memory)
+        run = BlockRun(self.learner, samples, self.every, memory=self.memory)
+        run.forecast(self.forecasts, total // 2 - begin)
         run.go(None if progress is None else lambda done, _: progress(begin + done, total))
         held = persistence(samples.y, run.used, self.held)
         run.score(self.scorer, held, begin, total // 2)

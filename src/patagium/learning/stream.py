@@ -205,11 +205,10 @@ def prequential(
     memory.follow(samples.time, samples.x, samples.gaps)
     for hold in holds(used, len(samples.time)):
         before = learner.weights
-        if watch is not None:
-            watch.before(hold, memory)
-        rows = memory.upto(hold.end, before)
-        if watch is not None:
-            watch.predicted(hold, rows)
+        if watch is None:
+            rows = memory.upto(hold.end, before)
+        else:
+            rows = watch.predicted(hold, memory)
         if not hold.learns:
             yield hold, None
             return
@@ -260,7 +259,7 @@ class BlockRun:
         memory: ModelMemory | None = None,
     ) -> None:
         self.learner, self.samples, self._memory = learner, samples, memory
-        self._watches = tuple(watches)
+        self._watches = list(watches)
         count, outputs = samples.y.shape
         self.used = used_samples(samples.y, every, samples.gaps)
         self.prediction = np.full((count, outputs), np.nan)
@@ -276,6 +275,25 @@ class BlockRun:
         most = int(MOST_ENTRIES / learner.network.size**2)
         looks = thin(np.arange(len(self.used)), min(MOST_VARIANCES, max(10, most)))
         self._looks = set(looks.tolist())
+
+    def forecast(
+        self,
+        sums: Sequence[ForecastSums],
+        half: int,
+        motion: Motion | None = None,
+        period: float | None = None,
+    ) -> None:
+        """Have the block forecast by an observer for each horizon.
+
+        Args:
+            sums: Errors of each horizon, which they count.
+            half: First sample of the second half, counted from the block's first.
+            motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
+            period: Wingbeat, where it is known beforehand [s].
+        """
+        log = self.samples.time, self.samples.x, self.samples.y
+        known = self.learner, log, self.used, self.samples.gaps, motion, period, half
+        self._watches += [Forecaster(one, *known) for one in sums]
 
     def go(self, progress: Progress | None = None) -> None:
         """Take all samples in order, or those up to where the learner diverged.
@@ -298,27 +316,25 @@ class BlockRun:
             self.outcome = problem.outcome
             self.message = f"the learner diverged at {when}: {problem}"
 
-    def before(self, hold: Hold, memory: ModelMemory) -> None:
-        """Let the observers look at the learner before an interval.
-
-        Args:
-            hold: The interval.
-            memory: It stands before the interval's first sample, and stays there.
-        """
-        self._hold = hold
-        for watch in self._watches:
-            watch.before(hold.begin, memory)
-
-    def predicted(self, hold: Hold, rows: Array) -> None:
+    def predicted(self, hold: Hold, memory: ModelMemory) -> Array:
         """Predict an interval, and check its predicted standard deviation at a few samples.
 
+        The observers look at the learner before.
+
         Args:
             hold: The interval.
-            rows: The network's inputs, (k, n_x) [units of x].
+            memory: It stands before the interval's first sample, and moves on to its last.
+
+        Returns:
+            The network's inputs, (k, n_x) [units of x].
 
         Raises:
             FilterDiverged: If the prediction is not finite.
         """
+        self._hold = hold
+        for watch in self._watches:
+            watch.before(hold.begin, memory)
+        rows = memory.upto(hold.end, self.learner.weights)
         guess = self.learner.network.evaluate(rows, self.learner.weights)
         times = self.samples.time[hold.begin : hold.end]
         if isinstance(self.learner, FilterLearner):
@@ -331,6 +347,7 @@ class BlockRun:
             row, y = rows[k - hold.begin], self.samples.y[k]
             at = self.samples.time[k]
             self.checks.append(check(self.learner, k, (row, y), self.samples.std_at(k), at))
+        return rows
 
     def score(self, scorer: Scorer, held: Array, begin: int = 0, half: int | None = None) -> None:
         """Count the samples so far.
@@ -458,8 +475,8 @@ def stream(
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
     sums = [ForecastSums(k, one, names, scale) for k, one in named_horizons(horizons).items()]
-    ahead = forecasters(learner, samples, every, sums, len(samples.time) // 2, motion, period)
-    run = BlockRun(learner, samples, every, [*ahead, *watches])
+    run = BlockRun(learner, samples, every, watches)
+    run.forecast(sums, len(samples.time) // 2, motion, period)
     run.go(progress)
     if isinstance(learner, FilterLearner) and run.outcome is Outcome.COMPLETED:
         learner.look_back(samples.time, samples.x, samples.gaps)
@@ -478,32 +495,6 @@ def stream(
     }
     record, scores = run.record(names, units, held), with_verdict(scores)
     return Identification(scores, record, learner, run.outcome, run.message)
-
-
-def forecasters(
-    learner: Learner,
-    samples: Samples,
-    every: int,
-    sums: Sequence[ForecastSums],
-    half: int,
-    motion: Motion | None = None,
-    period: float | None = None,
-) -> list[Watch]:
-    """Observers that forecast a block, one for each horizon.
-
-    Args:
-        learner: Learner at work.
-        samples: The block.
-        every: One sample in so many is used.
-        sums: Errors of each horizon, which they count.
-        half: First sample of the second half, counted from the block's first.
-        motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
-        period: Wingbeat, where it is known beforehand [s].
-    """
-    used = used_samples(samples.y, every, samples.gaps)
-    log = samples.time, samples.x, samples.y
-    known = learner, log, used, samples.gaps, motion, period, half
-    return [Forecaster(one, *known) for one in sums]
 
 
 def forecast_scores(sums: Sequence[ForecastSums]) -> dict[str, Any]:
