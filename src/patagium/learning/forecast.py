@@ -98,11 +98,11 @@ class FrozenModel(NamedTuple):
     weights: Array
     memory: ModelMemory
 
-    def fork(self) -> ModelMemory:
-        """Memory that goes on by itself."""
-        found = ModelMemory(self.network)
-        found.last = self.memory.last
-        return found
+    def fork(self) -> FrozenModel:
+        """The same with a memory that goes on by itself."""
+        memory = ModelMemory(self.network)
+        memory.last = self.memory.last
+        return self._replace(memory=memory)
 
     def predict(self, time: Array, x: Array) -> Array:
         """Output at the end of forecast inputs, (n_y,) [unit of y].
@@ -111,7 +111,7 @@ class FrozenModel(NamedTuple):
             time: Times after the last sample, (N,) [s].
             x: Measured inputs at these, (N, n_measured) [units of x].
         """
-        rows = self.fork().recall(self.weights, time, x)
+        rows = self.fork().memory.recall(self.weights, time, x)
         return np.asarray(self.network.evaluate(rows[-1:], self.weights)[0])
 
 

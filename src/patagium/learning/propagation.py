@@ -27,7 +27,6 @@ from patagium.arrays import Array, stored
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.errors import PatagiumError
 from patagium.learning.forecast import FrozenModel, Motion, Repetition
-from patagium.learning.models.memory import ModelMemory
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.samples import wind_change
 from patagium.robot import Robot
@@ -65,10 +64,9 @@ class RobotMotion:
         change: Array | None = None,
     ) -> None:
         robot = form.robot
-        self._form, self._robot, self._time = form, robot, time
+        self._form, self._time = form, time
         self.passive = np.array(robot.passive)
-        names, outputs = robot.dof_names, network.output_names
-        self._outputs = np.array([outputs.index(names[i]) for i in robot.passive])
+        self._outputs = [network.output_names.index(robot.dof_names[i]) for i in robot.passive]
         self._moved = list(robot.actuated)
         self._joints = [robot.coordinate_indices[i] for i in robot.actuated]
         self.beating = np.hstack([motion[0][:, self._joints], motion[1][:, self._moved]])
@@ -90,7 +88,7 @@ class RobotMotion:
         middles = (ends[1:] + ends[:-1]) / 2
         q_path, v_path, a_path = self._repeated(last, np.concatenate([ends, middles]))
         q, v, a = q_path[0], v_path[0].copy(), a_path[0].copy()
-        memory, count, found = model.fork(), len(ends), []
+        model, count, found = model.fork(), len(ends), []
         for k, step in enumerate(np.diff(ends)):
             at = count + k
             state = q + step / 2 * self._rates(q, v), v.copy(), a_path[at].copy()
@@ -98,7 +96,7 @@ class RobotMotion:
             state[1][self._moved] = v_path[at, self._moved]
             state[2][self.passive] = a[self.passive]
             time = float(self._time[last] + middles[k])
-            w, row = self._mean_acceleration(state, step, (model, memory), time)
+            w, row = self._mean_acceleration(state, step, model, time)
             if not np.isfinite(w).all():
                 return np.full((len(ahead), len(row)), np.nan)
             ended = v_path[k + 1].copy()
@@ -110,7 +108,7 @@ class RobotMotion:
             found.append(self._row(q, v, a))
         if self._form.sees_acceleration:
             time = float(self._time[last] + ends[-1])
-            a[self.passive], _ = self._mean_acceleration((q, v, a), 0.0, (model, memory), time)
+            a[self.passive], _ = self._mean_acceleration((q, v, a), 0.0, model, time)
             found[-1] = self._row(q, v, a)
         return np.array(found)
 
@@ -124,8 +122,10 @@ class RobotMotion:
     def _repeated(self, last: int, times: Array) -> list[Array]:
         """q (N, n_q), v and a (N, n) that repeat the last wingbeat; held before there is one."""
         period = self._all.period(last)
-        known = (last, times)
-        whole = self._all.path(*known) if period is None else self._all.repeated(*known, period)
+        if period is None:
+            whole = self._all.path(last, times)
+        else:
+            whole = self._all.repeated(last, times, period)
         q, v, a = (np.array(part) for part in np.split(whole, self._sizes, axis=1))
         if period is None:
             v[1:, self._moved], a[1:] = 0.0, 0.0
@@ -133,7 +133,7 @@ class RobotMotion:
 
     def _rates(self, q: Array, v: Array) -> Array:
         """Rates of the coordinates, (n_q,) [m/s, rad/s, 1/s]."""
-        return np.asarray(coordinate_rates(self._robot, q, v), float).ravel()
+        return np.asarray(coordinate_rates(self._form.robot, q, v), float).ravel()
 
     def _row(self, q: Array, v: Array, a: Array) -> Array:
         """Measured inputs at a state, (n_measured,) [units of x]."""
@@ -142,13 +142,13 @@ class RobotMotion:
 
     def _relative(self, x: Array) -> Array:
         """Measured inputs in the wind that is held, (N, n_measured) [units of x]."""
-        return air_force.relative_to_wind(x, self._wind, self._robot, self._form.inputs)
+        return air_force.relative_to_wind(x, self._wind, self._form.robot, self._form.inputs)
 
     def _mean_acceleration(
         self,
         state: tuple[Array, Array, Array],
         step: float,
-        at: tuple[FrozenModel, ModelMemory],
+        model: FrozenModel,
         time: float,
     ) -> tuple[Array, Array]:
         """Mean acceleration of what is forecast over a step, and the measured inputs of its middle.
@@ -156,7 +156,7 @@ class RobotMotion:
         The state is q (n_q,) of the middle of the step, v and a (n,), of the joints there and of
         the rest at the begin [SI]; a step of 0 gives the acceleration there. The memory moves on.
         """
-        (network, weights, _), memory = at
+        network, weights, memory = model
         q, v, a = state
         count = len(self.passive)
         rows = 2 * count + 1
