@@ -49,15 +49,15 @@ class _Change(NamedTuple):
         words: What would be other.
         motion: Sign of each coordinate, (n,) [1].
         forces: Sign of each force that is known, (n,) [1].
-        order: Coordinate whose motion takes each place, (n,) [1].
-        known: Coordinate whose known force takes each place, (n,) [1].
+        order: Coordinate whose motion takes each place, (n,) [1]; all keep theirs by default.
+        known: Coordinate whose known force takes each place, (n,) [1]; likewise.
     """
 
     words: str
-    motion: Array
-    forces: Array
-    order: Indices
-    known: Indices
+    motion: Array | float = 1.0
+    forces: Array | float = 1.0
+    order: Indices | slice = slice(None)
+    known: Indices | slice = slice(None)
 
 
 class _Number(NamedTuple):
@@ -133,7 +133,8 @@ class _Log:
 
     def changed(self, change: _Change) -> float:
         """Error of the log as it would be; inf where a force from elsewhere would be heard."""
-        if set(change.known[self.outputs]) != set(self.outputs):
+        own = np.arange(self.robot.dof)
+        if set(own[change.known][self.outputs]) != set(self.outputs):
             return np.inf
         motion = self.motion[:, :, change.order] * change.motion
         return self._error(motion, self.known[:, change.known] * change.forces)
@@ -200,10 +201,9 @@ def what_if(
         period = 1.0 / float(np.fft.rfftfreq(len(time), usual_step(time))[1:][np.argmax(power)])
     reach = _LONGEST * period
     record = _Log(network, (time, x, y, np.zeros_like(y) if std is None else std), reach, attached)
-    own, ones = np.arange(robot.dof), np.ones(robot.dof)
     if len(record.rows) < _SAMPLES[0] or not len(record.outputs):
         return []
-    stated = record.changed(_Change("", ones, ones, own, own))
+    stated = record.changed(_Change(""))
     if not stated > _LEAST:
         return []
     found = {record.changed(one): one.words for one in reversed([*_changes(robot)])}
@@ -254,33 +254,32 @@ def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:
 
 def _changes(robot: Robot) -> Iterator[_Change]:
     """Mistakes of laboratories: signs of joints and of their forces, axes of the world, sides."""
-    own, ones = np.arange(robot.dof), np.ones(robot.dof)
     free = {robot.dof_names[k] for k in robot.floating_dofs}
     joints = [name for name in robot.dof_names if name not in free]
     for names, words in _groups(robot, joints):
-        signs = ones.copy()
+        signs = np.ones(robot.dof)
         signs[[robot.index(name) for name in names]] = -1.0
         forces = f"the {'force' if len(names) == 1 else 'forces'} of {words}"
-        yield _Change(f"{words} had the other sign", signs, ones, own, own)
-        yield _Change(f"{forces} had the other sign", ones, signs, own, own)
+        yield _Change(f"{words} had the other sign", signs)
+        yield _Change(f"{forces} had the other sign", forces=signs)
         if not free.issuperset(names):
-            yield _Change(f"{words} and {forces} had the other sign", signs, signs, own, own)
+            yield _Change(f"{words} and {forces} had the other sign", signs, signs)
     columns = [([pair], " and ".join(pair), True) for pair in combinations(joints, 2)]
     if sides := _pairs(robot, robot.dof_names):
         columns.insert(0, (sides, "left and right", False))
     for exchanged, words, alone in columns:  # whether angles alone may be exchanged, too
-        order = own.copy()
+        order = np.arange(robot.dof)
         for one, other in exchanged:
             places = [robot.index(one), robot.index(other)]
             order[places] = places[::-1]
-        yield _Change(f"{words} were exchanged", ones, ones, order, order)
+        yield _Change(f"{words} were exchanged", order=order, known=order)
         if alone:
-            yield _Change(f"the angles of {words} were exchanged", ones, ones, order, own)
+            yield _Change(f"the angles of {words} were exchanged", order=order)
     for axis, turned in (("z pointed down", "y z pitch yaw"), ("x pointed back", "x y pitch roll")):
         names = turned.split()
         if free.intersection(names):
             signs = np.array([-1.0 if name in names else 1.0 for name in robot.dof_names])
-            yield _Change(f"{axis} (another sign of {', '.join(names)})", signs, ones, own, own)
+            yield _Change(f"{axis} (another sign of {', '.join(names)})", signs)
 
 
 def _pairs(robot: Robot, names: Sequence[str]) -> list[tuple[str, str]]:
