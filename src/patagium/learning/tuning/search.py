@@ -172,33 +172,31 @@ class TrialJournal:
     def __init__(self, question: Mapping[str, Any], path: str | Path | None = None) -> None:
         self._path = path
         with self._writing():
-            self._open(question, path)
-
-    def _open(self, question: Mapping[str, Any], path: str | Path | None) -> None:
-        optuna = _optuna()
-        try:
-            storage = None if path is None else _storage(Path(path))
-            if storage is not None and optuna.get_all_study_names(storage):
-                self._study = optuna.load_study(study_name=None, storage=storage)
-            else:
-                self._study = optuna.create_study(storage=storage, direction="maximize")
-        except (AttributeError, KeyError, TypeError, ValueError) as problem:
-            raise LogError(f"{path}: expected a journal of Optuna, found: {problem}") from problem
-        before = self._study.user_attrs
-        question = {**question, "optuna": optuna.__version__}
-        for name in sorted({*question, *before}) if before else ():
-            if before.get(name) != question.get(name):
-                raise LogError(
-                    f"{path}: expected the trials of this question, found those of another: {name} "
-                    f"was {before.get(name)!r}, is {question.get(name)!r}; name another result "
-                    "(--out) to ask anew, or delete the journal"
-                )
-        for name in (name for name in question if name not in before):
-            self._study.set_user_attr(name, question[name])
-        self.scores: dict[int, PredictionScore] = {}
-        for trial in self._study.get_trials(deepcopy=False):
-            kept = trial.user_attrs
-            self.scores[kept[_NUMBER]] = PredictionScore.from_description(kept[_SCORE])
+            optuna = _optuna()
+            try:
+                storage = None if path is None else _storage(Path(path))
+                if storage is not None and optuna.get_all_study_names(storage):
+                    self._study = optuna.load_study(study_name=None, storage=storage)
+                else:
+                    self._study = optuna.create_study(storage=storage, direction="maximize")
+            except (AttributeError, KeyError, TypeError, ValueError) as problem:
+                found = f"expected a journal of Optuna, found: {problem}"
+                raise LogError(f"{path}: {found}") from problem
+            before = self._study.user_attrs
+            question = {**question, "optuna": optuna.__version__}
+            for name in sorted({*question, *before}) if before else ():
+                if before.get(name) != question.get(name):
+                    raise LogError(
+                        f"{path}: expected the trials of this question, found those of another: "
+                        f"{name} was {before.get(name)!r}, is {question.get(name)!r}; name another "
+                        "result (--out) to ask anew, or delete the journal"
+                    )
+            for name in (name for name in question if name not in before):
+                self._study.set_user_attr(name, question[name])
+            self.scores: dict[int, PredictionScore] = {}
+            for trial in self._study.get_trials(deepcopy=False):
+                kept = trial.user_attrs
+                self.scores[kept[_NUMBER]] = PredictionScore.from_description(kept[_SCORE])
 
     def keep(
         self,

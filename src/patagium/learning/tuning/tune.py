@@ -15,7 +15,7 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -58,6 +58,7 @@ _SHOWN_SCORES = (
 )
 _PAUSE = 1.0  # s, between flights that are learned one after the other
 Flight = xr.Dataset | LogTable
+_Exam: TypeAlias = tuple[Network, Flown, LeftOut]
 
 
 @dataclass(frozen=True)
@@ -183,8 +184,8 @@ def tune(
         if (air.wind, air.density) != (airs[0].wind, airs[0].density):
             known, found = (f"{one.wind} m/s at {one.density:.4g} kg/m^3" for one in (airs[0], air))
             raise LogError(f"flight {k + 1}", f"wind as in the first, {known}", found)
-    exams = tuple(_exam(flights, one, every, others, ahead, source) for one in networks)
-    problem = _problem(exams, networks, learner, chosen, seed, every)
+    exams = [_exam(flights, one, every, others, ahead, source) for one in networks]
+    problem = _problem(exams, learner, chosen, seed, every)
     with nullcontext() if journal is None else locked(journal):
         workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
         return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
@@ -234,29 +235,28 @@ class _Problem:
     """Problem that all trials share.
 
     Attributes:
-        networks: Networks by their hidden layers.
         space: Settings to try.
         seed: Seed of the search and of the initial weights.
         every: One sample in so many is used.
-        exams: Flights that are learned, as one, and samples that are left out, network by network.
+        exams: Networks by their hidden layers, each with the flights that it learns, as one, and
+            the samples that are left out.
     """
 
-    networks: dict[tuple[int, ...], Network]
     space: SearchSpace
     seed: int
     every: int
-    exams: dict[tuple[int, ...], tuple[Flown, LeftOut]]
+    exams: dict[tuple[int, ...], _Exam]
 
     def question(self) -> dict[str, Any]:
         """Question that the trials of a journal answer, as JSON values."""
-        described = [one.describe() for one in self.networks.values()]
         exams = list(self.exams.values())
-        flown, left_out = exams[0]
+        described = [network.describe() for network, _, _ in exams]
+        _, flown, left_out = exams[0]
         kinds = ", ".join(dict.fromkeys(one["kind"] for one in described))
         space = json.dumps([str(sorted(self.space.searched.items())), self.space.fixed])
         judged = [
             part.tobytes()
-            for _, judged_by in exams
+            for _, _, judged_by in exams
             for fold in judged_by.folds
             for part in (fold.learned, fold.judged, fold.flown.samples.x, fold.flown.y)
         ]
@@ -264,7 +264,7 @@ class _Problem:
             "patagium": __version__,
             "flight": flown.name,
             "samples": f"{len(flown.used)} of digest "
-            + _digest(b"".join(k.samples.x.tobytes() + k.y.tobytes() for k, _ in exams)),
+            + _digest(b"".join(k.samples.x.tobytes() + k.y.tobytes() for _, k, _ in exams)),
             "every": self.every,
             "left out": f"{left_out.rule} of digest {_digest(b''.join(judged))}",
             "network": f"{kinds} of digest {_digest(json.dumps(described).encode())}",
@@ -276,8 +276,8 @@ class _Problem:
     def call(self, trial: DrawnTrial) -> tuple[Any, ...]:
         """Arguments of `judged_trial`, in a worker."""
         hidden, values = self.space.values(trial.parameters)
-        flown, judged_by = self.exams[hidden]
-        make = partial(make_learner, self.space.kind, self.networks[hidden], values, self.seed)
+        network, flown, judged_by = self.exams[hidden]
+        make = partial(make_learner, self.space.kind, network, values, self.seed)
         return make, flown, judged_by.folds
 
     def tuned(self, scored: Sequence[tuple[DrawnTrial, PredictionScore]]) -> Tuned:
@@ -293,7 +293,7 @@ class _Problem:
         found = [Trial(*self.space.values(one.parameters), score) for one, score in scored]
         tried = sorted(found, key=lambda trial: -trial.prediction.score)
         best = tried[0]
-        flown, rule = self.exams[best.hidden]
+        _, flown, rule = self.exams[best.hidden]
         if not np.isfinite(best.prediction.score):
             raise LogError(
                 flown.name,
@@ -306,7 +306,7 @@ class _Problem:
             as_good = (trial for trial in tried if trial.prediction.crps <= most)
             best = min(as_good, key=lambda trial: trial.prediction.moved)
             tried = [best, *(trial for trial in tried if trial is not best)]
-        network, (flown, _) = self.networks[best.hidden], self.exams[best.hidden]
+        network, flown, _ = self.exams[best.hidden]
         outputs = np.array(network.output_names)
         scores = {name: _short(one) for name, one in best.prediction.describe().items()}
         settings = Settings(
@@ -327,28 +327,27 @@ class _Problem:
 
 
 def _problem(
-    exams: tuple[tuple[Flown, LeftOut], ...],
-    networks: tuple[Network, ...],
+    exams: list[_Exam],
     kind: str,
     settings: dict[str, Any],
     seed: int,
     every: int,
 ) -> _Problem:
     """Networks, their exams and the search space."""
-    by_hidden = {one.hidden: one for one in networks}
-    if len(by_hidden) != len(networks):
+    by_hidden, networks = {one[0].hidden: one for one in exams}, [one[0] for one in exams]
+    if len(by_hidden) != len(exams):
         raise ParameterError("network", "networks with different hidden layers", list(by_hidden))
     check_names("learner", [kind], LEARNERS)
     if max(one.size for one in networks) > MOST_WEIGHTS:
         settings.setdefault("covariance", Alternatives(("node",)))
     if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search
         settings = {"measurement_std": None, "noise_estimation": None} | settings
-    y, scored = exams[0][0].y, exams[0][0].scored
+    y, scored = exams[0][1].y, exams[0][1].scored
     std, measured = np.zeros(y.shape[1]), np.isfinite(y).any(axis=0)
     std[measured] = np.nanstd(y[:, measured], axis=0)
     std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])  # of those that move
     space = search_space(kind, list(by_hidden), std.tolist(), settings)
-    return _Problem(by_hidden, space, seed, every, dict(zip(by_hidden, exams, strict=True)))
+    return _Problem(space, seed, every, by_hidden)
 
 
 def _exam(
@@ -358,8 +357,8 @@ def _exam(
     others: Iterable[tuple[str, Flight]],
     ahead: float | None,
     source: str,
-) -> tuple[Flown, LeftOut]:
-    """Samples of flights that a network learns, and those that are left out."""
+) -> _Exam:
+    """A network, the samples of flights that it learns, and those that are left out."""
     held_out = [_used(one, network, every, name)[0] for name, one in others]
     parts = [_used(one, network, every, "") for one in flights]
     flown = _joined([one for one, _ in parts], source)
@@ -368,7 +367,7 @@ def _exam(
         if not late.any():
             expected = "an output that moves in the second half of the samples used"
             raise ParameterError("flight", expected, f"{len(one.used)} samples of {one.name}")
-    return flown, left_out(flown, [one for _, one in parts], held_out, ahead)
+    return network, flown, left_out(flown, [one for _, one in parts], held_out, ahead)
 
 
 def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Flown, Kinematics]:
