@@ -75,8 +75,7 @@ def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
 def _of_whole_layers(numbers: FilterNumbers) -> bool:
     """Whether blocks are layers, one or more, in the order of the weights, as in `points.h`."""
     blocks = blocks_in(numbers)
-    layers = blocks_of(numbers.network, "layer")
-    ends = {int(layer[-1]) for layer in layers}
+    ends = {int(layer[-1]) for layer in blocks_of(numbers.network, "layer")}
     ordered = bool(np.all(np.diff(np.concatenate(blocks)) == 1))
     return ordered and ends >= {int(block[-1]) for block in blocks}
 
@@ -102,10 +101,12 @@ class BlockKernel:
     def __init__(self, name: str, numbers: FilterNumbers) -> None:
         library: Any = _library(name, numbers.dtype)
         self._neurons, self._numbers = name == "node", numbers
+        self._network = as_perceptron(numbers.network)
         self.screen = new_screen(numbers)
-        self._blocks, self._lanes = blocks_in(numbers), int(getattr(library, f"{name}_lanes")())
+        self._sizes = [len(block) for block in blocks_in(numbers)]
+        self._lanes = int(getattr(library, f"{name}_lanes")())
         layout = _neuron_arrays if self._neurons else _panel_arrays
-        self._arrays = layout(numbers, self._lanes) | _sample_arrays(numbers)
+        self._arrays = layout(numbers, self._network, self._lanes) | _sample_arrays(self._network)
         self._covariance = "kept" in self._arrays
         self._whole = _TYPES[name]()
         self._struct = self._whole.filter if name == "extended" else self._whole
@@ -124,7 +125,6 @@ class BlockKernel:
             self._unpack = _function(library, "node_unpack", 2)
         self.mean, self.prior = self._arrays["mean"], self._arrays["prior"]
         self._measured = self._arrays["measured"]
-        self._results = self._arrays["predicted"], self._arrays["covariance"]
 
     @property
     def nis(self) -> float:
@@ -143,10 +143,9 @@ class BlockKernel:
         self._take(x)
         if self._predict(self._address) == Outcome.COVARIANCE_LOST:
             raise MatrixLost(Outcome.COVARIANCE_LOST)
-        mean, covariance = self._results
-        return mean.copy(), covariance.copy()
+        return self._moments
 
-    def update(self, x: Array, y: Array) -> tuple[int, Array, Array]:
+    def update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
         """Outcome of one sample, and the moments of y before it.
 
         Args:
@@ -155,9 +154,12 @@ class BlockKernel:
         """
         self._take(x)
         self._measured[:] = y
-        outcome = self._update(self._address)
-        mean, covariance = self._results
-        return outcome, mean.copy(), covariance.copy()
+        return Outcome(self._update(self._address)), self._moments
+
+    @property
+    def _moments(self) -> tuple[Array, Array]:
+        """Mean and covariance of y that the kernel found last."""
+        return self._arrays["predicted"].copy(), self._arrays["covariance"].copy()
 
     @property
     def compiled(self) -> Compiled | None:
@@ -203,7 +205,7 @@ class BlockKernel:
 
     def kept(self) -> list[Array]:
         """State after the last sample: of each block its root, lower triangular, or covariance."""
-        sizes = [len(block) for block in self._blocks]
+        sizes = self._sizes
         if self._neurons:
             flat = np.zeros(sum(size**2 for size in sizes))
             self._unpack(self._address, flat.ctypes.data)
@@ -230,8 +232,7 @@ class BlockKernel:
 
     def _fill(self, screening: int) -> None:
         """Numbers of the filter and addresses of its arrays, for the kernel."""
-        numbers, struct = self._numbers, self._struct
-        network = as_perceptron(numbers.network)
+        numbers, network, struct = self._numbers, self._network, self._struct
         factor = 1.0 if self._covariance else numbers.forgetting_factor
         scalars = {
             "weights": network.size,
@@ -252,14 +253,14 @@ class BlockKernel:
         else:
             scalars["stride"] = self._arrays["slopes"].shape[1]
             scalars["rows"] = len(self._arrays["near"])
-            scalars["blocks"] = len(self._blocks)
+            scalars["blocks"] = len(self._sizes)
             scalars["decay"] = 1.0 / numbers.forgetting_factor
         for name, value in scalars.items():
             setattr(struct, name, value)
 
     def _installed(self, name: str) -> tuple[Array | None, Any]:
         """Input x that the kernel reads, (n_x,), or None; what must stay alive."""
-        network, keep = as_perceptron(self._numbers.network), dict[str, Array]()
+        network, keep = self._network, dict[str, Array]()
         if name == "extended":
             stride = self._struct.stride
             room = 2 * network.items * max(network.perceptron.widths)
@@ -279,7 +280,7 @@ class BlockKernel:
             self._x[:] = x
             return
         self.screen.bounds.x[:] = x
-        encoding = self._numbers.network.encode_one(x)
+        encoding = self._network.encode_one(x)
         self._arrays["features"][...] = encoding.features
         self._arrays["readout"][...] = encoding.readout.T
 
@@ -297,10 +298,9 @@ def _library(name: str, dtype: str) -> ctypes.CDLL | None:
     return load_kernel(name, {"REAL": "float" if single else "double", "SINGLE": int(single)})
 
 
-def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
+def _sample_arrays(network: PerceptronNetwork) -> dict[str, Array]:
     """Zeroed arrays of one sample, on cache lines."""
-    network, outputs = as_perceptron(numbers.network), len(numbers.noise)
-    widths, items = network.perceptron.widths, network.items
+    widths, items, outputs = network.perceptron.widths, network.items, network.outputs
     shapes = {
         "mean": (network.size,),
         "prior": (network.size,),
@@ -318,10 +318,11 @@ def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
     return arrays
 
 
-def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
+def _panel_arrays(
+    numbers: FilterNumbers, network: PerceptronNetwork, lanes: int
+) -> dict[str, Array]:
     """Zeroed arrays of the sizes that `structs.PANEL_FILTER` names, on cache lines."""
-    network, outputs = as_perceptron(numbers.network), len(numbers.noise)
-    widths, items = network.perceptron.widths, network.items
+    widths, items, outputs = network.perceptron.widths, network.items, network.outputs
     panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
     counts = [len(block) for block in blocks_in(numbers)]
     heights = [rounded_up(count, panel) for count in counts]
@@ -359,9 +360,10 @@ def _covariance_arrays(numbers: FilterNumbers, arrays: Mapping[str, Array]) -> d
     return found
 
 
-def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
+def _neuron_arrays(
+    numbers: FilterNumbers, network: PerceptronNetwork, lanes: int
+) -> dict[str, Array]:
     """Zeroed arrays of the sizes that `structs.NODE_FILTER` names, on cache lines."""
-    network = as_perceptron(numbers.network)
     widths, items, outputs = network.perceptron.widths, network.items, network.outputs
     stride = rounded_up(outputs, _WIDE)
     groups = [

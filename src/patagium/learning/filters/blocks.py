@@ -127,9 +127,9 @@ class BlockRoots:
             for part, block, first, last in each
         ]
         mean = mean.copy()
-        for block, (_, cross, _) in zip(self._blocks, changed, strict=True):
+        for block, (_, cross) in zip(self._blocks, changed, strict=True):
             mean[block] += cross @ gain
-        return mean, [np.ascontiguousarray(after, root.dtype) for after, _, _ in changed]
+        return mean, [np.ascontiguousarray(after, root.dtype) for after, _ in changed]
 
     def covariance(self, roots: Parts) -> BlockCovariance:
         """P, which shares no memory with the state."""

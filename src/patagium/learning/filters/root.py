@@ -46,7 +46,7 @@ def inverse_root(matrix: Array) -> Array:
     return np.asarray(inverse.T)
 
 
-def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
+def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array]:
     """S after a measurement whose covariance is P_yy = Z' Z + M, S Z that with the weights.
 
     With L L' = P_yy and N N' = M, B = L^-T (L + N)^-1 solves B + B' - B (Z' Z) B' = P_yy^-1,
@@ -59,7 +59,7 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
         remainder: M, (n_y, n_y) [y^2].
 
     Returns:
-        The new S, (n, n), not triangular; S Z, (n, n_y); G with G G' = P_yy^-1, (n_y, n_y).
+        The new S, (n, n), not triangular; S Z, (n, n_y).
 
     Raises:
         MatrixLost: If M or P_yy is not finite or not positive definite, or S is not finite.
@@ -73,10 +73,10 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
     after = root - (cross @ (inverse @ both)) @ slopes.T
     if not np.isfinite(after).all():
         raise MatrixLost(Outcome.NOT_FINITE)
-    return after, cross, inverse
+    return after, cross
 
 
-def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
+def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array]:
     """Cholesky factor of the covariance after a measurement.
 
     A rotation from the right, S Q' with Q from the QR factors of S', changes no P; of order
@@ -88,13 +88,13 @@ def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, 
         remainder: M, (n_y, n_y) [y^2].
 
     Returns:
-        The new S, (n, n), with a diagonal of at least zero; S Z; G: as `transformed_root`.
+        The new S, (n, n), with a diagonal of at least zero; S Z, (n, n_y).
 
     Raises:
         MatrixLost: If M or P_yy is not finite or not positive definite, or S is not finite.
     """
-    after, cross, inverse = transformed_root(root, slopes, remainder)
-    return triangular(after), cross, inverse
+    after, cross = transformed_root(root, slopes, remainder)
+    return triangular(after), cross
 
 
 def triangular(root: Array) -> Array:
@@ -105,4 +105,4 @@ def triangular(root: Array) -> Array:
     """
     upper = np.asarray(np.linalg.qr(root.T, mode="r"))
     signs = np.where(np.diag(upper) < 0, -1.0, 1.0)
-    return np.asarray(upper.T * signs)
+    return upper.T * signs

@@ -104,8 +104,7 @@ class WeightFilter:
             How it went, and what `predict` would have said before.
         """
         if self._kernel is not None:
-            outcome, mean, covariance = self._kernel.update(x, y)
-            return Outcome(outcome), (mean, covariance)
+            return self._kernel.update(x, y)
         prediction = np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan)
         refused = self.screen.admit()
         if refused:
