@@ -111,9 +111,7 @@ class LinearStripNetwork(WingNetwork):
         measured: Sequence[str] | None = None,
         attached: bool = False,
     ) -> None:
-        if not robot.strips:
-            raise ParameterError("robot", "a robot with wings", robot.name)
-        self.robot, self.air = robot, replace(air or Air(), gust=None)
+        self._fly(robot, air)
         self._names = self.measured = measured_names(robot, measured)
         rows = [robot.index(name) for name in self._names]
         self.surfaces = surfaces_of(robot)

@@ -304,15 +304,15 @@ class ModelMemory:
         self.resets = int(state.get(f"{_PREFIX}resets", 0))
         if f"{_PREFIX}0_state" not in state or self._lags is None:
             return
-        names = MemoryState._fields[:4]
-        z, slopes, weights, driver = (np.array(state[f"{_PREFIX}0_{f}"], float) for f in names)
-        found = MemoryState(z, slopes, weights, driver, float(state[f"{_PREFIX}0_time"]))
+        z, slopes, weights, driver, time = (
+            np.array(state[f"{_PREFIX}0_{name}"], float) for name in MemoryState._fields
+        )
         (states, drivers), n_m = self._lags.carried, self._lags.parameters
         shapes = (states,), (states, n_m), (n_m,), (drivers,)
-        for array, shape in zip(found[:4], shapes, strict=True):
+        for array, shape in zip((z, slopes, weights, driver), shapes, strict=True):
             if array.shape != shape:
                 raise ShapeError("memory", shape, array.shape)
-        self.last = found
+        self.last = MemoryState(z, slopes, weights, driver, float(time))
 
     def compiled(self, x: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.
@@ -379,12 +379,12 @@ def _advanced(
     begins, measured = anew.tolist(), x[:, : lags.measured]
     for k, stamp in enumerate(time.tolist()):
         if before is None or begins[k]:
-            found = lags.begin(measured[k], weights)
+            state, slopes, driver = lags.begin(measured[k], weights)
         else:
-            found = lags.step(measured[k], weights, stamp - before.time, before)
-        before = MemoryState(found[0], found[1], own, found[2], stamp)
-        rows[k, :n_z] = found[0][:n_z]
-        rows[k, n_z : n_z * (1 + n_m)] = found[1][:n_z].ravel()
+            state, slopes, driver = lags.step(measured[k], weights, stamp - before.time, before)
+        before = MemoryState(state, slopes, own, driver, stamp)
+        rows[k, :n_z] = state[:n_z]
+        rows[k, n_z : n_z * (1 + n_m)] = slopes[:n_z].ravel()
     rows[:, n_z * (1 + n_m) :] = own
     if before is None:
         raise ValueError("expected at least one sample")

@@ -202,7 +202,7 @@ class PerceptronNetwork(Network):
         flat = out.reshape(len(out), encoding.readout.shape[-1])
         if encoding.readout.strides[0] == 0:  # the same for all samples
             return np.asarray(encoding.offset + flat @ encoding.readout[0].T)
-        return np.asarray(encoding.offset + (encoding.readout @ flat[:, :, None])[:, :, 0])
+        return encoding.offset + (encoding.readout @ flat[:, :, None])[:, :, 0]
 
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at weights (p, n), (p, n_y)."""

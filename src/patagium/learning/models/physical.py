@@ -253,9 +253,9 @@ def _check_name(name: str, numbers: Mapping[str, float], robot: Robot) -> None:
         return
     if told := robot.refusal(name):
         raise ParameterError("estimate", told, name)
-    of_air = [known for known in numbers if known not in robot.parameter_names]
-    near = get_close_matches(name, list(numbers), 1, 0.0)
     names = robot.parameter_names
+    of_air = [known for known in numbers if known not in names]
+    near = get_close_matches(name, list(numbers), 1, 0.0)
     chosen = [next((n for n in names if _last(n) == kind), None) for kind in ("mass", "chord")]
     own = f"or a number of robot {robot.name!r} such as {', '.join(filter(None, chosen))}"
     expected = f"one of {', '.join(of_air)}, {own} (closest: {near[0]})"

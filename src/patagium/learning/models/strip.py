@@ -9,7 +9,6 @@ forces on anything but strips, section moments.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -93,14 +92,12 @@ class StripNetwork(WingNetwork):
         rotation: bool = False,
         coefficient_scale: float = 4.0,
     ) -> None:
-        if not robot.strips:
-            raise ParameterError("robot", "a robot with wings", robot.name)
+        self._fly(robot, air)
         positive("coefficient_scale", coefficient_scale)
         if chord_fraction is not None and not 0 <= chord_fraction <= 1:
             raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)
         self.chord_fraction, self.rotation = chord_fraction, rotation
         self.coefficient_scale = float(coefficient_scale)
-        self.robot, self.air = robot, replace(air or Air(), gust=None)
         self.items = len(robot.strips)
         self.perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
         self._names, matrix = _measurement(robot, measured)

@@ -6,6 +6,7 @@ Neglected: gusts; density and steady wind are known.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar, Self
 
@@ -60,6 +61,12 @@ class WingNetwork(PerceptronNetwork):
     def activation(self) -> str:
         """Activation of the hidden layers of the perceptron."""
         return self.perceptron.activation
+
+    def _fly(self, robot: Robot, air: Air | None) -> None:
+        """Take a robot, which must have wings, and the steady part of its air; None: still air."""
+        if not robot.strips:
+            raise ParameterError("robot", "a robot with wings", robot.name)
+        self.robot, self.air = robot, replace(air or Air(), gust=None)
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
