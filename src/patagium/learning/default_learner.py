@@ -23,6 +23,7 @@ from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
+from patagium.learning.models.structure import blocks_of
 from patagium.learning.parameter_paths import Trained
 from patagium.learning.samples import flown, samples, with_force
 from patagium.learning.scores import normalized_error
@@ -98,7 +99,8 @@ def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) 
     first, weights = first_motion(network.robot, time, x, period), network.physics(carried)
     seen = network_inputs(network, weights, time[first], x[first])
     error = normalized_error(y[first], network.evaluate(seen, weights))
-    return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nan
+    known = error[np.isfinite(error)]
+    return float(np.median(known)) if len(known) else nan
 
 
 def first_motion(robot: Robot, time: Array, x: Array, period: float | None = None) -> Bools:
@@ -109,7 +111,7 @@ def first_motion(robot: Robot, time: Array, x: Array, period: float | None = Non
     joints = robot.coordinate_count + np.array(robot.actuated, int)
     rates = np.abs(x[:, joints]).max(axis=1, initial=0.0)
     begin = time[np.argmax(rates >= _MOVES * rates.max())]
-    return np.asarray((time >= begin) & (time <= begin + (period or _LOOK)))
+    return (time >= begin) & (time <= begin + (period or _LOOK))
 
 
 @checked
@@ -184,13 +186,11 @@ def update_time(network: Network, structure: Structure = "full") -> float:
         network: Network that is learned.
         structure: Structure of the covariance.
     """
-    n, outputs = network.size, network.outputs
-    if structure in ("layer", "node"):
-        layers = [[len(neuron) for neuron in layer] for layer in network.neurons]
-        blocks = [sum(layer) for layer in layers] if structure == "layer" else sum(layers, [])
-        operations = sum(size * size for size in blocks) * (outputs + 8) + n * outputs**2
-    else:
-        operations = n * n * (outputs + 8)
+    outputs, whole = network.outputs, structure not in ("layer", "node")
+    blocks = blocks_of(network, "full" if whole else structure)
+    operations = sum(len(block) ** 2 for block in blocks) * (outputs + 8)
+    if not whole:
+        operations += network.size * outputs**2
     return _OVERHEAD + _OPERATION * operations
 
 

@@ -90,9 +90,8 @@ def identify(
     """
     count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
     chosen = learner or default_learner(flight, every=every)
-    given = {"learner_given": learner is not None, "every_given": every is not None}
-    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
+        words = dict[str, str]()
         _refuse_for_tables(inputs)
         first, inputs = samples_that_scale(chosen.network, flight), flight.input_names
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
@@ -100,6 +99,7 @@ def identify(
         known: dict[str, Any] = {"names": flight.output_names, "units": flight.output_units}
         known["gaps"] = flight.gaps[flight.gaps > first] - first
     else:
+        words = _flight_words(flight, chosen, count)
         simulated = isinstance(flight, xr.Dataset) and "air" not in flight.attrs  # imported has it
         time, x, y, units = samples(flight, chosen.network, inputs)
         if isinstance(chosen, FilterLearner):
@@ -112,7 +112,13 @@ def identify(
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given)
+    result.scores["chosen"] = words | choices(
+        chosen,
+        taken,
+        usual_step(time),
+        learner_given=learner is not None,
+        every_given=every is not None,
+    )
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
@@ -214,9 +220,9 @@ def evaluate(
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs)
         _check_columns(flight, model)
-        rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
+        rows, units = (flight.time, flight.x, flight.y), flight.output_units
         taken = table_every(model, usual_step(flight.time)) if every is None else every
-        result = compare(model, *rows, every=taken, units=names, gaps=gaps)
+        result = compare(model, *rows, every=taken, units=units, gaps=flight.gaps)
         result.scores["gaps_found"] = flight.describe_gaps()
         return result
     if inputs is None and isinstance(model, Model):
@@ -279,8 +285,8 @@ def compare(
     late = np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
     if checks:
-        error, std = (np.array([one[k] for one in checks]) for k in (1, 2))
-        scorer.add_checks(error, std, late[chosen])
+        checked, error, std = map(np.array, zip(*checks, strict=True))
+        scorer.add_checks(error, std, late[checked])
     scores: dict[str, Any] = {
         "samples": len(time),
         "samples_predicted": len(time),

@@ -310,5 +310,6 @@ def _unpacked(network: Network, words: Mapping[str, str]) -> BlockCovariance:
     lower = np.frombuffer(content, "<f8").astype(float)
     center_of("lower", lower, lower.size)
     kind = checked_structure(words["kind"])
-    sizes = [len(block) for block in blocks_of(network, kind)]
-    return block_covariance(network, kind, [symmetric(one) for one in unpacked(lower, sizes)])
+    blocks = blocks_of(network, kind)
+    parts = unpacked(lower, [len(block) for block in blocks])
+    return BlockCovariance(kind, blocks, tuple(map(symmetric, parts)))

@@ -81,11 +81,11 @@ class Identification:
             "coverage": "share of errors in the 95 % interval",
             "nis_per_channel": "normalized innovation squared, per output",
         }
-        facts = [(text, self.scores.get(name)) for name, text in named.items()]
-        numbers = [(text, one) for text, one in facts if isinstance(one, int | float)]
-        found = [
-            (text, f"{one:{'.4g' if isinstance(one, float) else 'd'}}") for text, one in numbers
-        ]
+        found = []
+        for name, text in named.items():
+            one = self.scores.get(name)
+            if isinstance(one, int | float):
+                found.append((text, f"{one:.4g}" if isinstance(one, float) else str(one)))
         return found + [("learner", repr(self.learner))] * (self.learner is not None)
 
     @checked
@@ -203,9 +203,9 @@ def record_of(
         updates: Names of `UPDATED`: arrays over the updates, (U, n_y) or (U,); None for a
             learner that was not taught.
     """
-    none = np.empty((0, len(names)))
+    none = 0, len(names)
     over = {name: ("update_time", "output")[:n] for name, n in UPDATED.items()}
-    given = updates or {name: none if len(dims) == 2 else none[:, 0] for name, dims in over.items()}
+    given = updates or {name: np.empty(none[:n]) for name, n in UPDATED.items()}
     time, seconds = samples["time"], {"units": "s"}
     std = np.array([one.std for one in checks]).reshape(-1, len(names))
     sampled = ("measurement", "prediction", "persistence")

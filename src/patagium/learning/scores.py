@@ -410,7 +410,7 @@ def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | Non
         measured = indices[np.isfinite(truth[indices, k])]
         last = np.searchsorted(measured, np.arange(len(truth)), side="left") - 1
         held[last >= 0, k] = truth[measured[last[last >= 0]], k]
-    return np.asarray(held)
+    return held
 
 
 def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[str, Any]:
