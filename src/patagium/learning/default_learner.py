@@ -111,7 +111,7 @@ def first_motion(robot: Robot, time: Array, x: Array, period: float | None = Non
     joints = robot.coordinate_count + np.array(robot.actuated, int)
     rates = np.abs(x[:, joints]).max(axis=1, initial=0.0)
     begin = time[np.argmax(rates >= _MOVES * rates.max())]
-    return (time >= begin) & (time <= begin + (period or _LOOK))
+    return np.asarray((time >= begin) & (time <= begin + (period or _LOOK)))
 
 
 @checked

@@ -90,6 +90,7 @@ def identify(
     """
     count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
     chosen = learner or default_learner(flight, every=every)
+    given = {"learner_given": learner is not None, "every_given": every is not None}
     if isinstance(flight, LogTable):
         words = dict[str, str]()
         _refuse_for_tables(inputs)
@@ -112,13 +113,7 @@ def identify(
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    result.scores["chosen"] = words | choices(
-        chosen,
-        taken,
-        usual_step(time),
-        learner_given=learner is not None,
-        every_given=every is not None,
-    )
+    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given)
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
@@ -220,9 +215,9 @@ def evaluate(
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs)
         _check_columns(flight, model)
-        rows, units = (flight.time, flight.x, flight.y), flight.output_units
+        rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
         taken = table_every(model, usual_step(flight.time)) if every is None else every
-        result = compare(model, *rows, every=taken, units=units, gaps=flight.gaps)
+        result = compare(model, *rows, every=taken, units=names, gaps=gaps)
         result.scores["gaps_found"] = flight.describe_gaps()
         return result
     if inputs is None and isinstance(model, Model):

@@ -127,7 +127,7 @@ def _force_by(flight: ForceSamples, robot: Robot | None) -> Array:
     motion = flight.q, flight.v, flight.a, np.zeros(flight.v.shape)
     forms = SampleForm(flight.robot), SampleForm(robot)
     own, other = (np.array(form.function.batch(*motion, form.parameters)[1]) for form in forms)
-    return flight.force + (other - own).reshape(flight.force.shape)
+    return np.asarray(flight.force + (other - own).reshape(flight.force.shape))
 
 
 def flown(flight: xr.Dataset | ForceSamples) -> tuple[Robot, Air]:

@@ -101,8 +101,8 @@ def kinematics_of(
         used: Samples used, increasing.
     """
     if isinstance(flight, LogTable):
-        names, units = flight.input_names, flight.input_units
-        return Kinematics(time, flight.x, names, units, None, gaps, used)
+        table = flight
+        return Kinematics(time, table.x, table.input_names, table.input_units, None, gaps, used)
     robot = robot_of(flight)
     q, v = recorded(flight, "q", robot), recorded(flight, "v", robot)
     places = {place for body in robot.bodies for place in robot.floating_coordinates(body)[:3]}

@@ -163,7 +163,7 @@ def moving(y: Array, scale: ArrayLike = 1.0) -> Bools:
     )
     share = np.maximum(share, 1e-9)
     local = square / share - (mean / share) ** 2
-    return alive & measured & (local > STILL**2)
+    return np.asarray(alive & measured & (local > STILL**2))
 
 
 def judged_trial(
