@@ -91,8 +91,8 @@ def identify(
     count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
     chosen = learner or default_learner(flight, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
+    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
-        words = dict[str, str]()
         _refuse_for_tables(inputs)
         first, inputs = samples_that_scale(chosen.network, flight), flight.input_names
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
@@ -100,7 +100,6 @@ def identify(
         known: dict[str, Any] = {"names": flight.output_names, "units": flight.output_units}
         known["gaps"] = flight.gaps[flight.gaps > first] - first
     else:
-        words = _flight_words(flight, chosen, count)
         simulated = isinstance(flight, xr.Dataset) and "air" not in flight.attrs  # imported has it
         time, x, y, units = samples(flight, chosen.network, inputs)
         if isinstance(chosen, FilterLearner):
