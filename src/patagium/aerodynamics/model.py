@@ -24,8 +24,51 @@ from patagium.native import NativeFunction, expression_digest, load_functions, n
 from patagium.robot.model import Robot
 
 
+class AtState(Protocol):
+    """What compiled code finds at a state: methods of a model, and of the same over many states."""
+
+    def compiled_at(self, name: str, *given: Any) -> Any:
+        """Results of a compiled function, from q, v, state and wind."""
+
+    def generalized_force(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> Array:
+        """Generalized aerodynamic force B2 u2, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            state: The model's own states, (n_z,) [m/s, -]; zero by default.
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by default.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+            ParameterError: If a quaternion is zero.
+        """
+        return self.compiled_at("generalized_force", q, v, state, wind)
+
+    def strips(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> dict[str, Any]:
+        """Flow and load of each strip; arguments as for `generalized_force`.
+
+        Returns:
+            strip_force (n_strips, 3) [N] and strip_point (n_strips, 3) [m] in world axes,
+            angle_of_attack and effective_angle_of_attack (n_strips,) [rad], strip_airspeed
+            (n_strips,) [m/s], power [W], circulation (n_strips,) [m^2/s] and downwash
+            (n_strips,) [m/s].
+        """
+        return self.compiled_at("strips", q, v, state, wind)
+
+    def state_derivative(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> Array:
+        """Rate of the model's own states, (n_z,); arguments as for `generalized_force`."""
+        return self.compiled_at("state_derivative", q, v, state, wind)
+
+
 @runtime_checkable
-class Aerodynamics(Protocol):
+class Aerodynamics(AtState, Protocol):
     """A model of the air around a robot.
 
     A model gives its description, parameters and expressions; the compiled methods
@@ -97,41 +140,9 @@ class Aerodynamics(Protocol):
             parameters: The model's parameters, (n_c,) [SI].
         """
 
-    def generalized_force(
-        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
-    ) -> Array:
-        """Generalized aerodynamic force B2 u2, (n,) [N, N m].
-
-        Args:
-            q: Generalized coordinates, (n_q,) [m, rad, 1].
-            v: Generalized velocities, (n,) [m/s, rad/s].
-            state: The model's own states, (n_z,) [m/s, -]; zero by default.
-            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by default.
-
-        Raises:
-            ShapeError: If an argument has another shape.
-            ParameterError: If a quaternion is zero.
-        """
-        return self._compiled.generalized_force(q, v, state, wind)
-
-    def strips(
-        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
-    ) -> dict[str, Any]:
-        """Flow and load of each strip; arguments as for `generalized_force`.
-
-        Returns:
-            strip_force (n_strips, 3) [N] and strip_point (n_strips, 3) [m] in world axes,
-            angle_of_attack and effective_angle_of_attack (n_strips,) [rad], strip_airspeed
-            (n_strips,) [m/s], power [W], circulation (n_strips,) [m^2/s] and downwash
-            (n_strips,) [m/s].
-        """
-        return self._compiled.strips(q, v, state, wind)
-
-    def state_derivative(
-        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
-    ) -> Array:
-        """Rate of the model's own states, (n_z,); arguments as for `generalized_force`."""
-        return self._compiled.state_derivative(q, v, state, wind)
+    def compiled_at(self, name: str, *given: Any) -> Any:
+        """Results of a compiled function; see `AtState`."""
+        return self._compiled.compiled_at(name, *given)
 
     @cached_property
     def batch(self) -> CompiledAero:
@@ -157,7 +168,7 @@ OF_STRIPS = [
 """Flow and load of strips among the expressions of a model; the first two are vectors."""
 
 
-class CompiledAero:
+class CompiledAero(AtState):
     """The compiled methods of a model of the air, for one state or for many.
 
     Args:
@@ -175,28 +186,9 @@ class CompiledAero:
     def __reduce__(self) -> tuple[type[CompiledAero], tuple[Aerodynamics, bool]]:
         return CompiledAero, (self._model, self._batch)
 
-    def generalized_force(
-        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
-    ) -> Array:
-        """Generalized aerodynamic force, ([N,] n) [N, N m]; arguments as in the protocol."""
-        return self._column(self._call("generalized_force", q, v, state, wind))
-
-    def strips(
-        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
-    ) -> dict[str, Any]:
-        """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
-        values = zip(OF_STRIPS, self._call("strips", q, v, state, wind), strict=True)
-        shape = dict.fromkeys(OF_STRIPS, self._column)
-        shape |= dict.fromkeys(OF_STRIPS[:2], self._vectors)
-        return {name: x if name == "power" else shape[name](x) for name, x in values}
-
-    def state_derivative(
-        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
-    ) -> Array:
-        """Rate of the model's own states, ([N,] n_z); arguments as in the protocol."""
-        return self._column(self._call("state_derivative", q, v, state, wind))
-
-    def _call(self, name: str, q: Any, v: Any, state: Any, wind: Any) -> Any:
+    def compiled_at(self, name: str, *given: Any) -> Any:
+        """Results of a compiled function, over N states or at one; see `AtState`."""
+        q, v, state, wind = given
         arguments = {
             "q": (q, self._model.robot.coordinate_count),
             "v": (v, self._model.robot.dof),
@@ -206,8 +198,12 @@ class CompiledAero:
         arrays = [self._checked(k, value, n) for k, (value, n) in arguments.items()]
         self._model.robot.check_attitudes(arrays[0])
         function = self._functions[name]
-        call = function.batch if self._batch else function
-        return call(*arrays, *self._constants)
+        found = (function.batch if self._batch else function)(*arrays, *self._constants)
+        if name != "strips":
+            return self._column(found)
+        shape = dict.fromkeys(OF_STRIPS, self._column)
+        shape |= dict.fromkeys(OF_STRIPS[:2], self._vectors) | {"power": lambda value: value}
+        return {one: shape[one](x) for one, x in zip(OF_STRIPS, found, strict=True)}
 
     def _checked(self, name: str, value: Any, size: int) -> Array:
         array = real_array(name, value)
