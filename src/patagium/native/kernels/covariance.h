@@ -68,10 +68,7 @@ static int find_largest(panel_filter *f) {
 /* Whether the covariance of weights with y stays a number. */
 static int covariance_in_range(void *memory) {
   const panel_filter *f = memory;
-  double reach = 0;
-  for (int k = 0; k < f->outputs; k++)
-    reach = fmax(reach, f->covariance[k * f->outputs + k]);
-  return f->largest * sqrt(reach) < 1e300;
+  return f->largest * largest_deviation(&f->base) < 1e300;
 }
 
 /* sensed <- (decay P + diag(drift)) x over the weights of a block from `from` on, a panel's first;
@@ -301,16 +298,12 @@ static void shrink_block(panel_filter *f, int block) {
 /* G with G G' = P_yy^-1, turned its transpose; 0 where P_yy is not positive definite. */
 static int invert_covariance(void *memory, double *g, double *turned) {
   panel_filter *f = memory;
-  const int m = f->outputs, stride = f->stride, size = stride * stride;
+  const int size = f->stride * f->stride;
   double *work = f->small + size, *total = f->small + 4 * size;
   memcpy(total, f->small, sizeof(double) * size);
   for (int b = 0; b < f->blocks; b++)
     for (int k = 0; k < size; k++) total[k] += gram_of(f, b)[k];
-  memset(g, 0, sizeof(double) * size);
-  if (!invert_root(m, stride, 0, total, work, g)) return 0;
-  for (int k = 0; k < stride; k++)
-    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
-  return 1;
+  return invert_turned(f->outputs, f->stride, 0, total, work, g, turned);
 }
 
 /* The same as `screen_panels`, for what the weights and y share as well. */

@@ -49,8 +49,7 @@ static void read_out(const panel_filter *f, int first, REAL *outputs) {
 /* All points through the network: slopes, curvatures, and y at the mean in `predicted`. */
 static void visit(panel_filter *f) {
   const int count = f->items * f->widths[f->layers], m = f->outputs;
-  if (f->encode) f->encode(f->encode_arguments, f->encode_results);
-  find_noise(f->screen, count, f->readout);
+  encode(&f->base);
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
   run_at_mean(f);

@@ -89,8 +89,7 @@ static void visit(extended_filter *e) {
   panel_filter *f = &e->filter;
   const int m = f->outputs, stride = f->stride;
   const int count = f->items * f->widths[f->layers];
-  if (f->encode) f->encode(f->encode_arguments, f->encode_results);
-  find_noise(f->screen, count, f->readout);
+  encode(&f->base);
   run_at_mean(f);
   pad_rows(m, stride, count, f->readout, f->weighting);
   const double *center = sums_of(f, f->layers - 1);

@@ -177,8 +177,7 @@ static int predict(void *memory) {
   const double growth = f->drifts ? 1 : f->growth;
   double *total = f->small;
   drift(f);
-  if (f->encode) f->encode(f->encode_arguments, f->encode_results);
-  find_noise(f->screen, f->items * last, f->readout);
+  encode(&f->base);
   run_at_mean(f);
   for (int k = 0; k < m; k++) f->predicted[k] = f->offset[k];
   for (int t = 0; t < f->items; t++)
@@ -283,20 +282,13 @@ static void screen_neurons(void *memory) {
 
 static int neurons_in_range(void *memory) {
   const node_filter *f = memory;
-  double reach = 0;
-  for (int k = 0; k < f->outputs; k++)
-    reach = fmax(reach, f->covariance[k * f->outputs + k]);
-  return f->largest * sqrt(reach) < (SINGLE ? 1e36 : 1e300);
+  return f->largest * largest_deviation(&f->base) < (SINGLE ? 1e36 : 1e300);
 }
 
 static int invert_total(void *memory, double *g, double *turned) {
   node_filter *f = memory;
-  const int m = f->outputs, stride = f->stride, size = stride * stride;
-  memset(g, 0, sizeof(double) * size);
-  if (!invert_root(m, stride, 0, f->small, f->small + size, g)) return 0;
-  for (int k = 0; k < stride; k++)
-    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
-  return 1;
+  double *work = f->small + f->stride * f->stride;
+  return invert_turned(f->outputs, f->stride, 0, f->small, work, g, turned);
 }
 
 /* Mean and root after the sample; gain: P_yy^-1 (y - mean), g g' = P_yy^-1. */

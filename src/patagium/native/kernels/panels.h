@@ -60,27 +60,18 @@ static const double *beside(const panel_filter *f, int block) {
   return rest;
 }
 
-/* G with G G' of a matrix's inverse, turned its transpose; 0: a pivot is small. */
-static int invert_turned(const panel_filter *f, double least, const double *matrix, double *g,
-                         double *turned) {
-  const int m = f->outputs, stride = f->stride;
-  memset(g + m * stride, 0, sizeof(double) * (stride - m) * stride); /* the others are set below */
-  if (!invert_root(m, stride, least, matrix, f->small + stride * stride, g)) return 0;
-  for (int k = 0; k < stride; k++)
-    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
-  return 1;
-}
-
 /* Steps and shrinks of all blocks, in parts abreast or, where a pivot is small or outputs are
  * many, column by column; g becomes the root of P_yy^-1, turned its transpose. 0 where M is not
  * positive definite. */
 static int invert_panels(void *memory, double *g, double *turned) {
   panel_filter *f = memory;
-  int done = f->outputs <= MOST_ABREAST
-             && invert_turned(f, LEAST_PIVOT, beside(f, f->blocks), g, turned);
+  const int m = f->outputs, stride = f->stride;
+  double *work = f->small + stride * stride;
+  int done = m <= MOST_ABREAST
+             && invert_turned(m, stride, LEAST_PIVOT, beside(f, f->blocks), work, g, turned);
   for (int b = 0; done && b < f->blocks; b++) done = recur_abreast(f, b, beside(f, b));
   for (int b = 0; !done && b < f->blocks; b++) {
-    if (!invert_turned(f, 0, beside(f, b), g, turned)) return 0;
+    if (!invert_turned(m, stride, 0, beside(f, b), work, g, turned)) return 0;
     recur(f, b, g, turned);
   }
   return 1;
@@ -91,12 +82,10 @@ static int invert_panels(void *memory, double *g, double *turned) {
 static int panels_in_range(void *memory) {
   panel_filter *f = memory;
   const double limit = SINGLE ? 1e36 : 1e300;
-  double reach = 0;
-  for (int k = 0; k < f->outputs; k++)
-    reach = fmax(reach, f->covariance[k * f->outputs + k]);
-  if (f->growth * f->largest * sqrt(reach) < limit) return 1;
+  const double reach = largest_deviation(&f->base);
+  if (f->growth * f->largest * reach < limit) return 1;
   f->largest = longest_row(f);
-  return f->growth * f->largest * sqrt(reach) < limit;
+  return f->growth * f->largest * reach < limit;
 }
 
 /* Slopes and moments of y without the channels left out, with the noise of those doubted. */

@@ -30,6 +30,20 @@ typedef struct {
   void (*learn)(void *, const double *gain, const double *g); /* gain: P_yy^-1 (y - mean) */
 } structure;
 
+/* Features and readout of this sample, and the noise of its channels. */
+static void encode(const weight_filter *f) {
+  if (f->encode) f->encode(f->encode_arguments, f->encode_results);
+  find_noise(f->screen, f->items * f->widths[f->layers], f->readout);
+}
+
+/* Largest standard deviation of an output. */
+static double largest_deviation(const weight_filter *f) {
+  double largest = 0;
+  for (int k = 0; k < f->outputs; k++)
+    largest = fmax(largest, f->covariance[k * f->outputs + k]);
+  return sqrt(largest);
+}
+
 /* Whether the moments of y are numbers. */
 static int predicted(const weight_filter *f) {
   double sum = 0;

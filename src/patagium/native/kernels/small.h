@@ -110,6 +110,16 @@ static int invert_root(int m, int stride, double least, const double *matrix, do
   return 1;
 }
 
+/* The same for all rows of g, those from m on zeros, and turned its transpose. */
+static int invert_turned(int m, int stride, double least, const double *matrix, double *upper,
+                         double *g, double *turned) {
+  memset(g + m * stride, 0, sizeof(double) * (stride - m) * stride);
+  if (!invert_root(m, stride, least, matrix, upper, g)) return 0;
+  for (int k = 0; k < stride; k++)
+    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
+  return 1;
+}
+
 /* WIDE numbers of the sum over k of scale[k] rows of g, `count` rows of `stride`. */
 static inline wide combined(int count, int stride, const double *scale, const double *g) {
   wide part[4] = {{0}, {0}, {0}, {0}};
