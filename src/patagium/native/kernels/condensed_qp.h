@@ -126,8 +126,7 @@ static void meet(const riccati_qp *o, active_set *s, double *u) {
 static void begin_condensed(riccati_qp *o) {
   double costate[NX] = {0}, gx[NX], gu[NU], next[NX], base[NV];
   memset(o->u_next, 0, sizeof o->u_next);
-  memcpy(o->x_next[0], o->start, sizeof o->start);
-  for (int k = 0; k < N; k++) roll_out(o, k, o->u_next, o->x_next);
+  roll_out_all(o, o->u_next, o->x_next);
   for (int k = N; k >= 0; k--) {
     stage_gradient(o, k, o->x_next[k], k < N ? o->u_next[k] : o->before, gx, gu);
     for (int i = 0; i < NX; i++) next[i] = gx[i] + o->q[k][i];
@@ -224,8 +223,7 @@ static int solve_condensed(riccati_qp *o) {
   memset(o->force, 0, sizeof o->force);
   for (int a = 0; a < s->count; a++) o->force[s->row[a]] = s->side[a] * fmax(s->dual[a], 0);
   memset(o->rigidity, 0, sizeof o->rigidity);
-  memcpy(o->x[0], o->start, sizeof o->start);
-  for (int k = 0; k < N; k++) roll_out(o, k, o->u, o->x);
+  roll_out_all(o, o->u, o->x);
   o->factorizations = changes;
   o->violation = 0;
   for (int k = 0; k < BOXES; k++) {

@@ -31,23 +31,21 @@ static inline void leg_influence(const lanes r[3], const double *direction, doub
   k[2] = cz * f;
 }
 
-static inline void load_vectors(int count, int blocks, const double *from, lanes (*to)[3]) {
-  for (int b = 0; b < blocks; b++)
-    for (int axis = 0; axis < 3; axis++) {
+/* Rows of `width` numbers, eight at once; those beyond `count` are zero. */
+static inline void load_rows(int count, int width, const double *from, lanes *to) {
+  for (int first = 0; first < count; first += LANES)
+    for (int k = 0; k < width; k++) {
       lanes x = {0};
-      for (int lane = 0; lane < LANES && b * LANES + lane < count; lane++)
-        x[lane] = from[3 * (b * LANES + lane) + axis];
-      to[b][axis] = x;
+      for (int lane = 0; lane < LANES && first + lane < count; lane++)
+        x[lane] = from[width * (first + lane) + k];
+      *to++ = x;
     }
 }
 
-static inline void load_numbers(int count, int blocks, const double *from, lanes *to) {
-  for (int b = 0; b < blocks; b++) {
-    lanes x = {0};
-    for (int lane = 0; lane < LANES && b * LANES + lane < count; lane++)
-      x[lane] = from[b * LANES + lane];
-    to[b] = x;
-  }
+static inline int sum_of(int count, const int *size) {
+  int sum = 0;
+  for (int c = 0; c < count; c++) sum += size[c];
+  return sum;
 }
 
 /* Solution of the system whose columns (and right side, the last) are given; Gauss-Jordan
@@ -102,16 +100,15 @@ static inline void horseshoes_double(int numbers, const int *size, const double 
   const int chains = numbers - 1, wings = *size++;
   const double *edge = in[2], *direction = in[3], *core_square = in[4];
   const double feedthrough = in[7][0], quarter_pi_inverse = 0x1.45f306dc9c883p-4; /* 1/(4 pi) */
-  int count = 0;
-  for (int c = 0; c < chains; c++) count += size[c];
-  const int legs = count + chains, blocks = (count + LANES - 1) / LANES;
+  const int count = sum_of(chains, size), legs = count + chains;
+  const int blocks = (count + LANES - 1) / LANES;
 
   lanes point[blocks][3], normal[blocks][3], gain[blocks], column[count + 1][blocks];
   lanes influence[legs][blocks][3], normalwash[legs][blocks], others[blocks];
-  load_vectors(count, blocks, in[0], point);
-  load_vectors(count, blocks, in[1], normal);
-  load_numbers(count, blocks, in[5], gain);
-  load_numbers(count, blocks, in[6], column[count]);
+  load_rows(count, 3, in[0], point[0]);
+  load_rows(count, 3, in[1], normal[0]);
+  load_rows(count, 1, in[5], gain);
+  load_rows(count, 1, in[6], column[count]);
   for (int c = 0, leg = 0; c < chains; c++) {
     strips_of_others(c, chains, chains, size, blocks, others);
     for (int end = leg + size[c] + 1; leg < end; leg++)
@@ -253,22 +250,21 @@ static inline void fwd1_horseshoes_double(int numbers, const int *size, const do
   const int chains = numbers - 1, wings = *size++;
   const double feedthrough = in[7][0], dfeedthrough = in[17][0];
   const double quarter_pi_inverse = 0x1.45f306dc9c883p-4; /* 1/(4 pi) */
-  int count = 0;
-  for (int c = 0; c < chains; c++) count += size[c];
-  const int legs = count + chains, blocks = (count + LANES - 1) / LANES;
+  const int count = sum_of(chains, size), legs = count + chains;
+  const int blocks = (count + LANES - 1) / LANES;
 
   lanes point[blocks][3], normal[blocks][3], gain[blocks], wash[blocks];
   lanes dpoint[blocks][3], dnormal[blocks][3], dgain[blocks], dwash[blocks];
   lanes influence[legs][blocks][3], dinfluence[legs][blocks][3];
   lanes normalwash[legs][blocks], dnormalwash[legs][blocks], others[blocks];
-  load_vectors(count, blocks, in[0], point);
-  load_vectors(count, blocks, in[1], normal);
-  load_numbers(count, blocks, in[5], gain);
-  load_numbers(count, blocks, in[6], wash);
-  load_vectors(count, blocks, in[10], dpoint);
-  load_vectors(count, blocks, in[11], dnormal);
-  load_numbers(count, blocks, in[15], dgain);
-  load_numbers(count, blocks, in[16], dwash);
+  load_rows(count, 3, in[0], point[0]);
+  load_rows(count, 3, in[1], normal[0]);
+  load_rows(count, 1, in[5], gain);
+  load_rows(count, 1, in[6], wash);
+  load_rows(count, 3, in[10], dpoint[0]);
+  load_rows(count, 3, in[11], dnormal[0]);
+  load_rows(count, 1, in[15], dgain);
+  load_rows(count, 1, in[16], dwash);
   for (int c = 0, leg = 0; c < chains; c++) {
     strips_of_others(c, chains, chains, size, blocks, others);
     for (int end = leg + size[c] + 1; leg < end; leg++)
@@ -374,9 +370,7 @@ typedef void horseshoes_of_one(int, const int *, const double *const *, double *
 
 static inline void horseshoes_in_turn(horseshoes_of_one *one, int inputs, int numbers,
                                       const int *size, const lanes *const *in, lanes *const *out) {
-  int count = 0;
-  for (int c = 1; c < numbers; c++) count += size[c];
-  const int legs = count + numbers - 1;
+  const int count = sum_of(numbers - 1, size + 1), legs = count + numbers - 1;
   const int length[8] = {3 * count, 3 * count, 3 * legs, 3 * legs, legs, count, count, 1};
   for (int lane = 0; lane < LANES; lane++) {
     double storage[(9 * count + 7 * legs + 1) * (inputs / 8) + 4 * count], *from = storage;

@@ -194,6 +194,12 @@ static void roll_out(riccati_qp *o, int k, double (*u)[NU], double (*x)[NX]) {
   }
 }
 
+/* States from the start on. */
+static void roll_out_all(riccati_qp *o, double (*u)[NU], double (*x)[NX]) {
+  memcpy(x[0], o->start, sizeof o->start);
+  for (int k = 0; k < N; k++) roll_out(o, k, u, x);
+}
+
 /* Values that are limited: inputs, their changes, states. */
 static void limited(const riccati_qp *o, double (*u)[NU], double (*x)[NX], double *value) {
   memcpy(value, u, sizeof o->u);
@@ -618,8 +624,7 @@ static int solve(riccati_qp *o) {
   o->status = NOT_CONVERGED;
   if (o->inverse && !any_weight(o)) o->status = solve_condensed(o);
   if (o->status == NOT_CONVERGED && o->penalty[0] > 0) {
-    memcpy(o->x[0], o->start, sizeof o->start);
-    for (int k = 0; k < N; k++) roll_out(o, k, o->u, o->x);
+    roll_out_all(o, o->u, o->x);
     o->status = minimize(o, MOST_WARM);
   }
   for (int again = 0; again < 2 && o->status == NOT_CONVERGED; again++) {
