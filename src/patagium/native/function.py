@@ -78,8 +78,8 @@ class NativeFunction:
         self._lock = threading.Lock()
         self._inputs = [_buffer(size) for size in self.size_in]
         self._outputs = [_buffer(size) for size in self.size_out]
+        self._shared = [name.endswith(SHARED_SUFFIX) for name in signature.names_in]
         self._spare: dict[int, Array] = {}
-        self._single = len(self._outputs) == 1
         self._run: Callable[[], Any]
         self.address: int | None = None
         if function is not None:
@@ -140,7 +140,7 @@ class NativeFunction:
                 buffer[...] = array
             self._run()
             results = [out.copy() if out.ndim else float(out) for out in self._outputs]
-        return results[0] if self._single else tuple(results)
+        return _lone(results)
 
     def batch(self, *arguments: ArrayLike) -> Any:
         """Results over a leading axis of N states, as views of one block each.
@@ -160,11 +160,9 @@ class NativeFunction:
         arrays, count = self._given(arguments)
         padded = _padded(count)
         blocks = []
-        for position, array in enumerate(arrays):
-            whole = array
-            if not self._is_shared(position):
-                whole = np.broadcast_to(array, (count, *self._inputs[position].shape))
-            if self._inputs[position].ndim == 2:
+        for array, buffer, shared in zip(arrays, self._inputs, self._shared, strict=True):
+            whole = array if shared else np.broadcast_to(array, (count, *buffer.shape))
+            if buffer.ndim == 2:
                 whole = np.swapaxes(whole, -1, -2)  # column-major, as the generated code has it
             blocks.append(np.ascontiguousarray(whole))
         results = [
@@ -175,7 +173,8 @@ class NativeFunction:
         lengths = ctypes.c_long(padded)
 
         def part(begin: int, end: int) -> None:
-            given = [x if self._is_shared(k) else x[begin:] for k, x in enumerate(blocks)]
+            pairs = zip(blocks, self._shared, strict=True)
+            given = [x if shared else x[begin:] for x, shared in pairs]
             found = _pointers([result[..., begin:] for result in results])
             self._many(_pointers(given), found, ctypes.c_long(end - begin), lengths)
 
@@ -184,7 +183,7 @@ class NativeFunction:
             result[:, :, :count].transpose(2, 1, 0).reshape(count, *buffer.shape)
             for result, buffer in zip(results, self._outputs, strict=True)
         ]
-        return shaped[0] if self._single else tuple(shaped)
+        return _lone(shaped)
 
     def each(self, *arguments: ArrayLike) -> Any:
         """Values as of `batch`, in fresh memory, by the code of one state: nothing is compiled."""
@@ -197,18 +196,18 @@ class NativeFunction:
                 self._run()
                 for result, buffer in zip(results, self._outputs, strict=True):
                     result[k] = buffer
-        return results[0] if self._single else tuple(results)
+        return _lone(results)
 
     def _given(self, arguments: tuple[ArrayLike, ...]) -> tuple[list[Array], int]:
         """Arguments of many states as arrays, and the number of states."""
         self._check_count(arguments)
         arrays, counts = list[Array](), set[int]()
-        given = zip(self.signature.names_in, self._inputs, arguments, strict=True)
-        for position, (name, buffer, argument) in enumerate(given):
+        given = zip(self.signature.names_in, self._inputs, arguments, self._shared, strict=True)
+        for name, buffer, argument, shared in given:
             array = real_array(name, argument)
             if buffer.ndim == 0 and array.shape[-1:] == (1,):
                 array = array[..., 0]
-            leading, shared = array.ndim - buffer.ndim, self._is_shared(position)
+            leading = array.ndim - buffer.ndim
             if array.shape[leading:] != buffer.shape or leading not in ((0,) if shared else (0, 1)):
                 expected = buffer.shape if shared else ("N", *buffer.shape)
                 raise ShapeError(name, expected, array.shape)
@@ -235,13 +234,15 @@ class NativeFunction:
             start = -owner.ctypes.data % _ALIGNMENT // owner.itemsize
             return owner[start : start + size].reshape(shape)
 
-    def _is_shared(self, position: int) -> bool:
-        return self.signature.names_in[position].endswith(SHARED_SUFFIX)
-
     def _check_count(self, arguments: tuple[ArrayLike, ...]) -> None:
         if len(arguments) != len(self._inputs):
             expected = f"{len(self._inputs)} arguments ({', '.join(self.signature.names_in)})"
             raise ParameterError(self.name, expected, len(arguments))
+
+
+def _lone(results: list[Any]) -> Any:
+    """The result where there is one alone, else all."""
+    return results[0] if len(results) == 1 else tuple(results)
 
 
 def _side_by_side(part: Callable[[int, int], None], count: int) -> None:
