@@ -29,7 +29,43 @@ ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Indicial:
+class Lags:
+    """Numbers of a section's memory, as symbols or values.
+
+    Attributes:
+        rate: b_k, how fast each lag fades [1/semichord].
+        lift: a_k, part of the lift that each holds back.
+        circulation: g_k, part of the circulation that each holds back.
+    """
+
+    rate: Sequence[Any]
+    lift: Sequence[Any]
+    circulation: Sequence[Any]
+
+    @property
+    def first_lift(self) -> Any:
+        """phi(0), part of the lift without delay."""
+        return 1.0 - sum(self.lift, ca.SX(0))
+
+    @property
+    def first_circulation(self) -> Any:
+        """Gamma(0), part of the circulation without delay."""
+        return 1.0 - sum(self.circulation, ca.SX(0))
+
+    def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
+        """Sum over a strip's lags of amplitude times lagged normalwash.
+
+        Args:
+            amplitude: Of each lag.
+            state: Lags strip by strip, (n_z, 1) [m/s].
+            strip: Which one.
+        """
+        terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
+        return sum(terms, ca.SX(0))
+
+
+@dataclass(frozen=True)
+class Indicial(Lags):
     """Rates and amplitudes of the lags of a section.
 
     Args:
@@ -117,42 +153,6 @@ FOUR_STATE = Indicial(
     circulation=(0.0527, 0.2316, 0.3084, 0.2674),
 )
 """Four lags, all amplitudes by least squares from Theodorsen's function and that of circulation."""
-
-
-@dataclass(frozen=True)
-class Lags:
-    """Numbers of a section's memory, as symbols or values.
-
-    Attributes:
-        rate: b_k, how fast each lag fades [1/semichord].
-        lift: a_k, part of the lift that each holds back.
-        circulation: g_k, part of the circulation that each holds back.
-    """
-
-    rate: Sequence[Any]
-    lift: Sequence[Any]
-    circulation: Sequence[Any]
-
-    @property
-    def first_lift(self) -> Any:
-        """phi(0), part of the lift without delay."""
-        return 1.0 - sum(self.lift, ca.SX(0))
-
-    @property
-    def first_circulation(self) -> Any:
-        """Gamma(0), part of the circulation without delay."""
-        return 1.0 - sum(self.circulation, ca.SX(0))
-
-    def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
-        """Sum over a strip's lags of amplitude times lagged normalwash.
-
-        Args:
-            amplitude: Of each lag.
-            state: Lags strip by strip, (n_z, 1) [m/s].
-            strip: Which one.
-        """
-        terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
-        return sum(terms, ca.SX(0))
 
 
 @dataclass(frozen=True)

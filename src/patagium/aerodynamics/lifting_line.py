@@ -164,8 +164,8 @@ class LiftingLine(Aerodynamics):
     def numbers(self) -> dict[str, float]:
         """Parameters of the model by name, in their order [SI]."""
         found = {"density": self.air.density, "surface_constant": self.surface_constant}
-        for part in _LAGS:
-            found |= {f"lags.{part}[{k}]": x for k, x in enumerate(getattr(self.lags, part))}
+        for part, values in vars(self.lags).items():
+            found |= {f"lags.{part}[{k}]": x for k, x in enumerate(values)}
         found |= self.sections.numbers
         for name in DELAYS if self.stall_delay else ():
             found[f"stall_delay.{name}"] = getattr(self.stall_delay, name)
@@ -320,9 +320,6 @@ class _Stall:
             drag = rounded_ramp(power / flow.speed - FEEBLE, FEEBLE) / flow.speed
             forward, normal = forward - drag * flow.forward, normal - drag * flow.normal
         return forward, normal, moment
-
-
-_LAGS = ("rate", "lift", "circulation")
 
 
 @dataclass(frozen=True)

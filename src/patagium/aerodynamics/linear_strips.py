@@ -27,7 +27,7 @@ import numpy as np
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.indicial import ONE_STATE, Lags, lag_relaxation
+from patagium.aerodynamics.indicial import NO_STATE, ONE_STATE, lag_relaxation
 from patagium.aerodynamics.local_flow import (
     airspeed,
     body_airflows,
@@ -63,53 +63,53 @@ class Term(NamedTuple):
 
     Attributes:
         name: What the term is.
-        mean: Weight that is expected [1].
         std: Standard deviation of the weight [1].
+        mean: Weight that is expected [1].
     """
 
     name: str
-    mean: float
     std: float
+    mean: float = 0.0
 
 
 WHOLE_TERMS = (
-    Term("blade elements", 1.0, 1.0),
-    Term("added mass", 1.0, 2.0),
-    Term("circulation beside added mass", 1.0, 5.0),
+    Term("blade elements", 1.0, mean=1.0),
+    Term("added mass", 2.0, mean=1.0),
+    Term("circulation beside added mass", 5.0, mean=1.0),
 )
 """Terms of the whole robot: `QuasiSteady`, and the two parts of `AddedMass`."""
-LIFTING_LINE = Term("lifting line", 1.0, 1.0)
+LIFTING_LINE = Term("lifting line", 1.0, mean=1.0)
 """Attached lift of strips with trailing vortices and one lag each; where flow is attached, it takes
 the place of blade elements, which are then expected to have no share."""
-EDGES = Term("suction of side edges", 0.0, 0.3)
+EDGES = Term("suction of side edges", 0.3)
 """Pull of attached flow at the free ends of a wing, over density Gamma^2 chord / strip's width."""
-TURNING = Term("moment of a section that turns", 0.0, 2.0)
+TURNING = Term("moment of a section that turns", 2.0)
 """Damping by the vortices that the edges of a section shed; attached flow sheds none of them."""
 STRIP_TERMS = (
-    Term("acceleration of the air carried along", 0.0, 2.0),
-    Term("attached lift", 0.0, 2.0),
-    Term("lift of separated flow", 0.0, 5.0),
-    Term("lift by camber", 0.0, 0.5),
-    Term("lift by pitching", 0.0, 5.0),
-    Term("normal force of separated flow", 0.0, 2.0),
-    Term("normal force at small incidence", 0.0, 2.0),
-    Term("drag along the flow", 0.0, 0.5),
-    Term("drag of the area across the flow", 0.0, 2.0),
-    Term("chordwise force by pitching", 0.0, 0.5),
-    Term("moment of incidence", 0.0, 2.0),
-    Term("moment by pitching", 0.0, 2.0),
+    Term("acceleration of the air carried along", 2.0),
+    Term("attached lift", 2.0),
+    Term("lift of separated flow", 5.0),
+    Term("lift by camber", 0.5),
+    Term("lift by pitching", 5.0),
+    Term("normal force of separated flow", 2.0),
+    Term("normal force at small incidence", 2.0),
+    Term("drag along the flow", 0.5),
+    Term("drag of the area across the flow", 2.0),
+    Term("chordwise force by pitching", 0.5),
+    Term("moment of incidence", 2.0),
+    Term("moment by pitching", 2.0),
     TURNING,
-    Term("drag along the span", 0.0, 0.2),
-    Term("drag beyond a small incidence", 0.0, 1.0),
+    Term("drag along the span", 0.2),
+    Term("drag beyond a small incidence", 1.0),
 )
 """Terms of every strip, the same weight for all strips."""
 SURFACE_SHARE = 0.3
 """Prior of how far one kind of wing departs from `STRIP_TERMS`, over the prior of the term [1]."""
 BODY_TERMS = (
-    Term("drag along x", 0.0, 5.0),
-    Term("drag along y", 0.0, 5.0),
-    Term("drag along z", 0.0, 5.0),
-    Term("drag of rotation", 0.0, 2.0),
+    Term("drag along x", 5.0),
+    Term("drag along y", 5.0),
+    Term("drag along z", 5.0),
+    Term("drag of rotation", 2.0),
 )
 """Terms of every body without strips."""
 OUTPUTS = 4
@@ -119,7 +119,7 @@ CORRECTIONS = 6, 11
 NOTHING = 1e-6
 """Prior of weights that stand for nothing."""
 _SMALL = 0.02  # incidence beyond which a thin wing's flow leaves its leading edge [rad]
-LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
+LAGS = ONE_STATE
 """Memory of a section."""
 LIFT_SLOPE = 2 * pi
 """Lift slope of attached flow [1/rad]."""
@@ -421,7 +421,7 @@ class StripFlow:
 
     def wash(self, held: bool = True) -> Normalwash:
         """Normalwashes of all strips; not held: as if nothing were held back by lags."""
-        state, lags = (self.state, LAGS) if held else (ca.SX(0, 1), Lags((), (), ()))
+        state, lags = (self.state, LAGS) if held else (ca.SX(0, 1), NO_STATE)
         return solve_normalwash(self.vortices, self.geometric, state, lags, LIFT_SLOPE)
 
     def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -597,14 +597,14 @@ def terms_of(robot: Robot, attached: bool) -> tuple[Term, ...]:
     Attached flow has `EDGES` and the lifting line besides, no blade elements and no `TURNING`.
     """
     bodies = [
-        Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
+        term._replace(name=f"{term.name} of {robot.bodies[k].name}")
         for k in _bare(robot)
         for term in BODY_TERMS
     ]
     none = TURNING._replace(std=NOTHING)
     strips = [none if attached and term is TURNING else term for term in STRIP_TERMS]
     departures = [
-        Term(f"{term.name} of {name}", 0.0, SURFACE_SHARE * term.std)
+        Term(f"{term.name} of {name}", SURFACE_SHARE * term.std)
         for name in surfaces_of(robot)
         for term in strips
     ]
