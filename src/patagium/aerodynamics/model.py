@@ -45,7 +45,8 @@ class AtState(Protocol):
             ShapeError: If an argument has another shape.
             ParameterError: If a quaternion is zero.
         """
-        return self.compiled_at("generalized_force", q, v, state, wind)
+        force: Array = self.compiled_at("generalized_force", q, v, state, wind)
+        return force
 
     def strips(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
@@ -58,13 +59,15 @@ class AtState(Protocol):
             (n_strips,) [m/s], power [W], circulation (n_strips,) [m^2/s] and downwash
             (n_strips,) [m/s].
         """
-        return self.compiled_at("strips", q, v, state, wind)
+        found: dict[str, Any] = self.compiled_at("strips", q, v, state, wind)
+        return found
 
     def state_derivative(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> Array:
         """Rate of the model's own states, (n_z,); arguments as for `generalized_force`."""
-        return self.compiled_at("state_derivative", q, v, state, wind)
+        rate: Array = self.compiled_at("state_derivative", q, v, state, wind)
+        return rate
 
 
 @runtime_checkable
