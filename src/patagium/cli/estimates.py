@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias, 
 
 import typer
 
-from patagium.cli.words import named_quantities, say_json, tell
+from patagium.cli.words import named_quantities, only_given, say_json, tell, warn
 from patagium.errors import LogError, ParameterError, PatagiumError, similar
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def chosen_air(
     from patagium.aerodynamics import AddedMass, Air
     from patagium.learning import load_model
 
-    known = {name: value for name, value in given.items() if value is not None}
+    known = only_given(given)
     if not word.endswith(".json"):
         found = air_model(word, machine, Air(**{"density": usual, **known}), polars, inflow)
         carried = None if factor is None else AddedMass(machine, found.air, factor=factor)
@@ -231,11 +231,11 @@ def orbit_air(
 
     found = chosen_air(word, machine, polars, inflow, density=density)
     if hovers and not inflow and found[2] is None:
-        tell(f"patagium: {NO_INFLOW}")
+        warn(NO_INFLOW)
     if word == "quasi-steady" and (turned := hinged_strips(machine)):
-        tell(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}")
+        warn(HINGED.format(machine.strips[turned[0]].wing))
     if machine.gravity and found[0].air.density > LIQUID:
-        tell(f"patagium: {BUOYANT}")
+        warn(BUOYANT)
     return found
 
 

@@ -42,9 +42,9 @@ def evaluate(
     flight, table = flight_or_table(file, mapping)
     result = evaluate_model(flight if table is None else table, learned, every=every)
     outputs, title = Outputs(), f"{model.name} against {file.name}"
-    if report is not None and outputs.attempt("report", lambda: result.report(report, title)):
+    if report is not None and outputs.attempt("report", result.report, report, title):
         tell(f"The report is in {report}")
-    outputs.attempt("scores", lambda: show_scores(result.scores, as_json=as_json))
+    outputs.attempt("scores", show_scores, result.scores, as_json=as_json)
     outputs.check()
     if not as_json:
         seen = command("patagium view {} --model {}", file, model)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -52,7 +51,7 @@ def figures(
         folder = make_folder(flight.with_suffix("") if place is None else place)
         for done, (name, figure) in enumerate(drawn.items(), 1):
             file = folder / f"{name}.{form}"
-            if outputs.attempt(file.name, partial(save_figure, figure, file)):
+            if outputs.attempt(file.name, save_figure, figure, file):
                 files[name] = str(file)
             progress(done, len(drawn))
     outputs.answer("names", files, as_json, f"Figures for {look}")

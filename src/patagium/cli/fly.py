@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.options import DrawingOption, DurationOption, FlightOutput, JsonOption
-from patagium.cli.words import progress_bar, tell
+from patagium.cli.words import only_given, progress_bar, tell
 
 EXAMPLES = (
     "patagium fly ornithopter",
@@ -41,8 +41,7 @@ def fly(
     from patagium.cli.plan import load_plan, prepared
     from patagium.cli.simulate import keep
 
-    given = {"duration": duration, "seed": seed}
-    changed = {name: value for name, value in given.items() if value is not None}
+    changed = only_given({"duration": duration, "seed": seed})
     ready = prepared(load_plan(plan).model_copy(update=changed))
     if not as_json:
         for sentence in ready.words:

@@ -12,7 +12,7 @@ import typer
 from patagium.cli import estimates, learner_options
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table, tell
+from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table, tell, warn
 from patagium.errors import Interrupted, Outcome, ParameterError, command
 
 if TYPE_CHECKING:
@@ -125,20 +125,20 @@ def identify(
             with progress_bar(f"Refining what {file.name} taught"):
                 result = estimates.refined(result, flight, result.scores["every"], before)
         if result.outcome is Outcome.COMPLETED:
-            outputs.attempt("state", lambda: keep_state(made, state, of_course=long))
+            outputs.attempt("state", keep_state, made, state, of_course=long)
     result.scores["chosen"] |= learner_choices(made, given=by_hand)
     if table is not None:
         tell(f"{file}: {result.scores['gaps_found']}")
     model = model or file.with_name("model.json")
-    outputs.attempt("model", lambda: keep_model(model, result.learner, result.inputs, file.name))
-    if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
+    outputs.attempt("model", keep_model, model, result.learner, result.inputs, file.name)
+    if predictions is not None and outputs.attempt("predictions", result.save, predictions):
         tell(f"The predictions are in {predictions}")
     flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
     if report is not None:
         _report(result, file, flown, report, outputs)
-    outputs.attempt("scores", lambda: show_scores(result.scores, as_json=as_json))
+    outputs.attempt("scores", show_scores, result.scores, as_json=as_json)
     if result.outcome is not Outcome.COMPLETED:
-        tell(f"patagium: {result.message}")
+        warn(result.message)
         raise typer.Exit(2)
     outputs.check()
     if not as_json:
@@ -255,12 +255,11 @@ def _report(
 
         title = f"Flight {file.stem}, as it was learned"
         page = report.parent / f"{report.stem}-replay.html"
-        show = partial(replay, flight, page, predicted=result, title=title)
-        if outputs.attempt(page.name, show):
+        if outputs.attempt(page.name, replay, flight, page, predicted=result, title=title):
             with figures_for("phone"):
                 figure = still(flight, predicted=result)
             moving = replace(picture(figure, _MOMENT, "png"), address=page.name)
     title = f"Identification of {file.name}"
-    if outputs.attempt("report", lambda: result.report(report, title, moving)):
+    if outputs.attempt("report", result.report, report, title, moving):
         where = "" if moving is None else f"; the flight in three dimensions is in {moving.address}"
         tell(f"The report is in {report}{where}")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.options import OUTPUT, FilesArgument, ResultOption, output_file
-from patagium.cli.words import existing, progress_bar, say_json, say_next, tell
+from patagium.cli.words import existing, progress_bar, say_json, say_next, tell, warn
 from patagium.errors import PatagiumError, command
 
 NAME = "import"
@@ -49,7 +49,7 @@ def import_log(
                 tell=lambda findings: show_findings(findings, err=True),
             )
     except KeyboardInterrupt:
-        tell(f"patagium: interrupted; {target} is as it was before; repeat the command to import")
+        warn(f"interrupted; {target} is as it was before; repeat the command to import")
         raise typer.Exit(130) from None
     if as_json:
         say_json({**asdict(found), "path": str(found.path)})

@@ -11,7 +11,7 @@ import typer
 
 from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
-from patagium.cli.words import tell
+from patagium.cli.words import tell, warn
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
     """Message on stderr, once, that the page is gone."""
     reason = view.problem()
     if reason is not None:
-        tell(f"patagium: the live view ended ({reason}); {otherwise}")
+        warn(f"the live view ended ({reason}); {otherwise}")
 
 
 def served(live: bool, address: str | None, learner: Sequence[str] = ()) -> bool:

@@ -30,6 +30,7 @@ from patagium.cli import (  # isort: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
+from patagium.cli.words import warn
 from patagium.errors import OutputError, ParameterError, PatagiumError
 from patagium.plugins import VERBS, plugins
 from patagium.version import __version__
@@ -126,7 +127,7 @@ for _word, _point in plugins(VERBS).items():
         get_command(_trial)
     except Exception as error:
         _by = _point.dist and _point.dist.name
-        typer.echo(f"patagium: verb {_word} of the package {_by} fails: {error!r}", err=True)
+        warn(f"verb {_word} of the package {_by} fails: {error!r}")
         continue
     _add(_module, _study, _word, getattr(_module, "HIDDEN", False))
     if _word not in _taken:
@@ -188,7 +189,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
         if not said or said == ["study"]:  # the help of a program without words
             error.show()
         else:
-            typer.echo(f"patagium: {usage_sentence(error, said)}", err=True)
+            warn(usage_sentence(error, said))
         raise SystemExit(2) from None
     except typer.Abort:
         raise SystemExit(1) from None
@@ -197,7 +198,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
     except (PatagiumError, OSError) as error:
         if debug:
             raise
-        typer.echo(f"patagium: {_sentence(error)}", err=True)
+        warn(_sentence(error))
         raise SystemExit(2) from None
     finally:
         sys.stdout, sys.stderr = stdout, stderr
@@ -251,7 +252,7 @@ def _drop_unwritable() -> None:
 
 def _say_warning(message: Warning | str, category: Any, *_: Any, **__: Any) -> None:
     known = issubclass(category, UserWarning)
-    typer.echo(f"patagium: {'' if known else category.__name__ + ': '}{message}", err=True)
+    warn(f"{'' if known else category.__name__ + ': '}{message}")
 
 
 def _sentence(error: Exception) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 from dataclasses import asdict, replace
-from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -59,12 +58,12 @@ def motion(
     found, forces = motion_and_force(measured, shifts=shifts)
     target = out or Path(f"{log.name.partition('.')[0]}-motion.nc")
     outputs = Outputs()
-    kept = outputs.attempt("motion", lambda: write_motion(found, forces, target))
+    kept = outputs.attempt("motion", write_motion, found, forces, target)
     outputs.draw(plot, lambda _: motion_figure(found, forces))
     facts = json.loads(found.attrs["findings"]) | ({"file": str(target)} if kept else {})
     summary = _summary(found, forces) | {"clock_shifts": shifts, **facts}
-    told = partial(_say, measured, forces, summary, note)
-    outputs.attempt("summary", partial(say_json, summary) if as_json else told)
+    told: Any = (say_json, summary) if as_json else (_say, measured, forces, summary, note)
+    outputs.attempt("summary", *told)
     outputs.check()
     if not as_json:
         where = f", the figure in {plot}" if plot else ""

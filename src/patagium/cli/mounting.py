@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import typer
 
-from patagium.cli.words import Numbers, Vector, existing, named_quantities, parts_of, quantity
+from patagium.cli.words import (
+    Numbers,
+    Vector,
+    existing,
+    named_quantities,
+    only_given,
+    parts_of,
+    quantity,
+)
 from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -56,13 +64,13 @@ def mount_from(
     from patagium.simulation import mounts
 
     given = {"--arm": arm, "--arm-at": at, "--arm-turn": turn, "--arm-shift": shift}
-    for name in (name for name, value in given.items() if value is not None and kind != "arm"):
+    for name in only_given(given) if kind != "arm" else ():
         raise ParameterError(name, "--mount arm with it", kind)
     if kind not in ("carried", "arm"):
         if path is not None:
             raise ParameterError("--path", "--mount arm or carried with it", kind)
         return None if kind is None else getattr(mounts, kind)()
-    way = _path(path, {name: value for name, value in words.items() if value is not None})
+    way = _path(path, only_given(words))
     if kind == "carried":
         return mounts.carried(way)
     machine, place = load_robot(arm or "ur5e"), {"position": shift, "orientation": turn}

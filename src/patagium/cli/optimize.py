@@ -100,7 +100,7 @@ def optimize(
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(best.flight(beats), output))
     if gait is not None:
-        outputs.attempt(str(gait), lambda: gaits.to_csv(machine, best.gait, gait))
+        outputs.attempt(str(gait), gaits.to_csv, machine, best.gait, gait)
     outputs.answer("gait", found.summary(), as_json, f"Optimal gait of {machine.name}")
     outputs.check()
     if not as_json:

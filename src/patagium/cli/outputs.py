@@ -12,7 +12,7 @@ from typer.models import ArgumentInfo
 from typer.utils import get_params_from_function
 
 from patagium.cli.interruption import stop_repeating
-from patagium.cli.words import answer, tell
+from patagium.cli.words import answer, warn
 from patagium.errors import ParameterError, PatagiumError
 from patagium.whole_file import placed
 
@@ -74,15 +74,17 @@ class Outputs:
         self.failures: Counter[str] = Counter()
         self._first: Exception | None = None
 
-    def attempt(self, name: str, write: Callable[[], object]) -> bool:
+    def attempt(self, name: str, write: Callable[..., object], *given: Any, **named: Any) -> bool:
         """Whether an output was written; its first failure is printed, all are counted.
 
         Args:
             name: Name of the output, for messages.
             write: Function that writes it; Ctrl-C ends it alone.
+            given: Its arguments.
+            named: Its arguments by keyword.
         """
         try:
-            write()
+            write(*given, **named)
         except KeyboardInterrupt:
             stop_repeating()
             reason = "interrupted"
@@ -94,7 +96,7 @@ class Outputs:
             return True
         self.failures[name] += 1
         if self.failures[name] == 1:
-            tell(f"patagium: {name}: {reason}")
+            warn(f"{name}: {reason}")
         return False
 
     def draw(self, file: Path | None, make: Callable[[Any], Figure], name: str = "figure") -> bool:
@@ -107,7 +109,7 @@ class Outputs:
 
     def answer(self, name: str, facts: dict[str, Any], as_json: bool, title: str = "") -> None:
         """Write facts on stdout, a table for a person or one JSON object."""
-        self.attempt(name, lambda: answer(facts, as_json=as_json, title=title))
+        self.attempt(name, answer, facts, as_json=as_json, title=title)
 
     def check(self) -> None:
         """End the verb with what was not saved, if there is such a thing.

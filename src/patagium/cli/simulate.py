@@ -22,9 +22,11 @@ from patagium.cli.words import (
     Vector,
     existing,
     named_quantities,
+    only_given,
     progress_bar,
     say_next,
     tell,
+    warn,
 )
 from patagium.errors import ParameterError, command
 from patagium.limits import SWING, TILT
@@ -315,7 +317,7 @@ def _gait(
         named_quantities(f"--{k}", given or (), *("rad", "an angle") if k == "phase" else (unit,))
         for k, given in words.items()
     )
-    sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
+    sizes = only_given(amplitudes) | named
     own, lacking = machine.cruise, False
     if kind is None and own is not None:
         held = own.frequency is None
@@ -397,16 +399,16 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         output = output.with_name(f"{output.stem}.partial{output.suffix}")
     outputs = Outputs()
     where = f"{output}{', in place of an earlier one' * output.exists()}"
-    kept = outputs.attempt("flight", lambda: save_flight(flight, output))
+    kept = outputs.attempt("flight", save_flight, flight, output)
     outputs.draw(figure, lambda drawn: drawn.flight_overview(flight))
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
     outputs.answer("facts", facts if as_json else flight_table(facts), as_json, "Flight")
     for warning in facts["warnings"]:
         if not broken or warning == BUOYANT:  # the others are of what broke it
-            tell(f"patagium: {warning}")
+            warn(warning)
     outputs.check()
     if broken:
-        tell(f"patagium: {flight.attrs['message']}; the flight is kept in {where}")
+        warn(f"{flight.attrs['message']}; the flight is kept in {where}")
         raise typer.Exit(130 if flight.attrs["outcome"] == "INTERRUPTED" else 2)
     if not as_json:
         verbs = ("view", "identify")[: 1 + bool(flight.sizes.get("strip"))]

@@ -26,7 +26,7 @@ from patagium.cli.learner_options import (
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
 from patagium.cli.options import RobotOption, WindOption, option_in, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import tell
+from patagium.cli.words import tell, warn
 from patagium.errors import FilterDiverged, LogError, ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def stream(
             finally:  # whatever ended it, what was learned is saved first
                 lost = not status.counters.samples or isinstance(problem, FilterDiverged)
                 if problem is None or not lost:
-                    outputs.attempt("state", lambda: keep_state(student, state))
+                    outputs.attempt("state", keep_state, student, state)
                 ending.set()
             if problem is not None and not status.counters.samples:
                 raise problem
@@ -159,7 +159,7 @@ def stream(
             if recording is not None:
                 recording.close(facts)
             facts["chosen"] = learner_choices(student, given=choice.chosen)
-            outputs.attempt("model", lambda: keep_model(model, student, pipeline.inputs, source))
+            outputs.attempt("model", keep_model, model, student, pipeline.inputs, source)
             _tell(facts["chosen"], intake)
             outputs.answer("summary", facts if as_json else _flat(facts), as_json)
     if problem is not None:
@@ -210,7 +210,7 @@ def _opened(
         tell(f"Reading {'standard input' if source == '-' else source}")
         return packets
     if packets.warning:
-        tell(f"patagium: {packets.warning}")
+        warn(packets.warning)
     key = "" if key_file is None else f" --key-file {key_file}"
     words = "for motion and joint forces, or raw samples of sensors"
     tell(f"Listening at {packets.address} {words}")
@@ -244,7 +244,7 @@ def _tell(chosen: Mapping[str, str], intake: Intake) -> None:
     for name, text in chosen.items():
         tell(f"{name}: {text}")
     for reason in intake.examples:
-        tell(f"patagium: not used: {reason}")
+        warn(f"not used: {reason}")
 
 
 def _answers(
@@ -320,8 +320,7 @@ class _Recording(AbstractContextManager["_Recording"]):
     def append(self, packets: Array, records: Records) -> None:
         if self._ended:
             return
-        add = partial(self._file.append, packets, records)
-        self._ended = not self._outputs.attempt("recording", add)
+        self._ended = not self._outputs.attempt("recording", self._file.append, packets, records)
         if not self._file.sound:
             self._file.discard()  # its room is for the state
 
@@ -330,7 +329,7 @@ class _Recording(AbstractContextManager["_Recording"]):
         from patagium.cli.state import instead
 
         file, before = self._file, instead(self._file.path)
-        if file.sound and self._outputs.attempt("recording", lambda: file.close(facts)):
+        if file.sound and self._outputs.attempt("recording", file.close, facts):
             tell(f"The record of {file.written} samples is in {file.path}{before}")
 
 

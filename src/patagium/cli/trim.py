@@ -22,6 +22,7 @@ from patagium.cli.words import (
     for_person,
     heading,
     named_quantities,
+    only_given,
     parts_of,
     progress_bar,
     say_json,
@@ -115,8 +116,7 @@ def trim(
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
-        given = {"climb": asked, "speed": speed}
-        hold = tuple(name for name, value in given.items() if value is not None)
+        hold = tuple(only_given({"climb": asked, "speed": speed}))
         with progress_bar("Orbits of the branch, 400 at most") as progress:
             branch = control.continue_orbit(orbit, name, limits, hold=hold, progress=progress)
         _branch(branch, figure, as_json)
@@ -132,7 +132,7 @@ def trim(
     if not as_json:
         heads = [heading(name) for name in modes[0]]
         rows = [["–" if cell is None else cell for cell in mode.values()] for mode in modes]
-        outputs.attempt("modes", lambda: show_table(Table(heads, rows, "Modes")))
+        outputs.attempt("modes", show_table, Table(heads, rows, "Modes"))
     outputs.check()
     if not as_json:
         told = f"patagium view {output}" if output else "the same with -o trimmed.nc, a flight"

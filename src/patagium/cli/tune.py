@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from math import exp, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -112,11 +111,11 @@ def tune(
             progress=progress,
         )
     outputs = Outputs()
-    if outputs.attempt("settings", lambda: found.save(out)):
+    if outputs.attempt("settings", found.save, out):
         tell(f"The settings are in {out}")
     best = found.best.model_dump(mode="json")
-    told = partial(say_json, best) if as_json else partial(_show, found)
-    outputs.attempt("trials", told)
+    told: Any = (say_json, best) if as_json else (_show, found)
+    outputs.attempt("trials", *told)
     outputs.check()
     if not as_json:
         meant = "" if mapping is None else command(" --mapping {}", mapping)

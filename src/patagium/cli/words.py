@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import degrees
 from pathlib import Path
@@ -211,6 +211,11 @@ def heading(name: str) -> str:
     return f"{said} [{unit[1].replace('_', '/')}]" if unit else said
 
 
+def only_given(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values that were given: those that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def say_next(*commands: str) -> None:
     """Line on stdout with the commands that come next."""
     typer.echo(f"Next: {', or '.join(commands)}")
@@ -219,6 +224,11 @@ def say_next(*commands: str) -> None:
 def tell(words: str) -> None:
     """Line of text on standard error, where messages go that are no result."""
     typer.echo(words, err=True)
+
+
+def warn(words: str) -> None:
+    """Tell a person what is amiss, as the program's own words."""
+    tell(f"patagium: {words}")
 
 
 def say_json(value: Any) -> None:
