@@ -25,7 +25,7 @@ from patagium.robot.model import Robot
 
 
 class AtState(Protocol):
-    """What compiled code finds at a state: methods of a model, and of the same over many states."""
+    """Methods of compiled code at a state: those of a model, and of the same over many states."""
 
     def compiled_at(self, name: str, *given: Any) -> Any:
         """Results of a compiled function, from q, v, state and wind."""

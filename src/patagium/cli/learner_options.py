@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, only_given, whole_numbers
+from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
 from patagium.errors import ParameterError, PatagiumError, similar
 from patagium.learning.settings import BLOCKS, FILTERS, Meaning, leaves, settings_from, settings_of
 
@@ -222,7 +222,7 @@ _READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
 def _chosen(found: dict[str, Any]) -> LearnerChoice:
     """Choice of the values of `_options`; a file of settings gives what was not given."""
     path = found.pop("settings", None)
-    given = only_given(found)
+    given = {name: value for name, value in found.items() if value is not None}
     words = {"learner": "kind"} | {name: name for name in ("hidden", "activation", "seed")}
     shape: dict[str, Any] = {new: given[old] for old, new in words.items() if old in given}
     if "network" in given:

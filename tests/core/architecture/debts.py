@@ -8,7 +8,7 @@ DEBTS = {
     "functions with more than 8 parameters": 0,
     "lines of Python in the wheel outside control": 62_082,
     "lines of control": 6_569,
-    "characters of code in the wheel": 1_681_831,
+    "characters of code in the wheel": 1_681_881,
     "classes of weight filters": 2,
     "types of memory": 2,
     "modules on the walk of spread": 6,
