@@ -367,7 +367,7 @@ class AdaptiveController(OuterController):
         self.learner.forget(FORGOTTEN)
 
     def use(self, weights: Array, first: int) -> bool:
-        """Follow the orbit of other weights, (n_w,) [1, N, N m], from an interval by its number on.
+        """Follow the orbit of other weights, (n_w,) [1, N, N m], from the interval `first` on.
 
         It says whether there is one.
         """

@@ -99,7 +99,7 @@ class FrozenModel(NamedTuple):
     memory: ModelMemory
 
     def fork(self) -> FrozenModel:
-        """Model with a memory that goes on by itself."""
+        """Copy of the model whose memory goes on by itself."""
         memory = ModelMemory(self.network)
         memory.last = self.memory.last
         return self._replace(memory=memory)

@@ -401,7 +401,7 @@ _ROUNDING = 1e-13
 
 
 def _springs_and_capacities(ordered: list[JointPart]) -> dict[str, Any]:
-    """Springs and limits of actuators by the robot's field; empty where no joint has one."""
+    """Springs and limits of actuators, by fields of the robot; empty where no joint has one."""
     found: dict[str, tuple[float, ...]] = {}
     for key in ("stiffness", "rest", *CAPACITIES):
         none = np.inf if key in CAPACITIES else 0.0
@@ -425,7 +425,7 @@ def _joints(drafts: list[_Draft]) -> dict[str, JointPart]:
 
 
 def _floating_joints(body: BodyPart) -> Iterator[JointPart]:
-    """Coordinates of a body that floats, as passive joints of its own."""
+    """Passive joints of a floating body, one for each coordinate."""
     for k, name in enumerate(FLOATING_COORDINATES if body.floating else ()):
         yield JointPart.model_construct(
             name=name,

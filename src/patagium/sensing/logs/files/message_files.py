@@ -265,7 +265,7 @@ def _held(value: Any, names: Sequence[str]) -> Iterator[Any]:
 
 
 def _names(above: Any, value: Any) -> list[str]:
-    """Names of the entries of a list, beside it or in its parts, "" of one without; or none."""
+    """Names of the entries of a list, from beside it or within them; "" for one without a name."""
     for names in _held(above, _NAMES):
         if isinstance(names, Sequence) and not isinstance(names, str) and len(names) == len(value):
             return [*map(str, names)]
