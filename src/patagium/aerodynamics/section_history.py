@@ -127,7 +127,7 @@ class _Motion:
         self.mean_speed = positive("airspeed", float(mean), "a positive mean [m/s]")
 
     def at(self, time: float) -> tuple[Array, Array, Array, Array]:
-        """Coordinates, velocities, accelerations, (6,) each, and the wind, (3,) [m, rad, s]."""
+        """Coordinates, velocities, accelerations, (6,) each, wind velocity, (3,) [m, rad, s]."""
         pitch, height, speed = self._splines
         q, v, a = np.zeros((3, 6))
         q[_UP], v[_UP], a[_UP] = (height(time, order) for order in range(3))

@@ -85,7 +85,7 @@ def test_a_clock_that_was_reset_is_refused(flight: xr.Dataset, tmp_path: Path) -
 
 
 def test_times_without_motion_have_no_frames(flight: xr.Dataset, tmp_path: Path) -> None:
-    """One missing coordinate ended in an error of linear algebra."""
+    """One missing coordinate ended in a LinAlgError."""
     record, lost = flight.copy(deep=True), [3, 4, 50]
     record["q"][lost, 6] = [np.nan, np.inf, np.nan]
     messages, _, _ = read(export(record, tmp_path / "holes.mcap"))

@@ -508,7 +508,7 @@ def test_a_still_of_a_small_or_large_robot_has_fitting_units(
 
 
 def test_samples_without_motion_are_left_out(flight: xr.Dataset, tmp_path: Path) -> None:
-    """One missing coordinate ended in an error of linear algebra."""
+    """One missing coordinate ended in a LinAlgError."""
     holes = flight.copy(deep=True)
     holes["q"][400:420, 3] = np.nan
     shown = replay_content(holes)

@@ -227,7 +227,7 @@ def test_what_cannot_be_adapted_is_refused(orbit):
 
 
 def test_the_design_is_the_orbit_of_the_controller(orbit):
-    """Another could be given: of another leg it learned nothing, of another robot it broke."""
+    """With an orbit of another leg nothing was learned; with that of another robot it failed."""
     with pytest.raises(TypeError):
         AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
     controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE))

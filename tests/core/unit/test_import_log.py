@@ -183,7 +183,7 @@ def test_joints_named_by_numbers_or_with_brackets(names: str, tmp_path: Path) ->
 
 
 def _frames(k: int, names: str, late: int = 0) -> dict[str, Any]:
-    """Message of frames, each stamped `late` steps of 10 ms after the one before, its x."""
+    """Transform message; each frame is stamped `late` steps of 10 ms after the one before."""
     stamps = [1000 + k + late * place for place, _ in enumerate(names)]
     return {"transforms": [
         {"header": {"stamp": {"sec": one // 100, "nsec": one % 100 * 10**7}},
@@ -230,7 +230,7 @@ def test_frames_of_one_stamp_need_no_rate(tmp_path: Path) -> None:
 
 
 def test_a_time_of_a_message_can_be_its_stamp(tmp_path: Path) -> None:
-    """A field of two parts was refused; its seconds, which the error named, are no stamps."""
+    """A stamp of two fields was refused; the seconds alone, which the error named, are none."""
     held = [{"header": {"stamp": {"sec": 9, "nsec": k * 10**7}}, "x": k / 100.0,
              "cam": {"sec": 7 * (k > 0), "nanosec": k * 10**7 * (k > 0)}}
             for k in range(90)]  # fmt: skip

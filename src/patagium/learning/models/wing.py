@@ -63,7 +63,7 @@ class WingNetwork(PerceptronNetwork):
         return self.perceptron.activation
 
     def _fly(self, robot: Robot, air: Air | None) -> None:
-        """Take a robot, which must have wings, and the steady part of its air; None: still air."""
+        """Set the robot, which must have wings, and its air without gusts; None: still air."""
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         self.robot, self.air = robot, replace(air or Air(), gust=None)

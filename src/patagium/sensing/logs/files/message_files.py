@@ -265,7 +265,7 @@ def _held(value: Any, names: Sequence[str]) -> Iterator[Any]:
 
 
 def _names(above: Any, value: Any) -> list[str]:
-    """Names of the entries of a list, from beside it or within them; "" for one without a name."""
+    """Names of the elements of a list, from a field beside it or their own; "" where none is."""
     for names in _held(above, _NAMES):
         if isinstance(names, Sequence) and not isinstance(names, str) and len(names) == len(value):
             return [*map(str, names)]

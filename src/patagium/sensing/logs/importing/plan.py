@@ -111,7 +111,7 @@ class Quantity:
         return values if words.frame is None else values @ _axes(words.frame).T
 
     def bounds(self) -> Array:
-        """Expected range of each label in the unit of the model, (n, 2); NaN if none is stated."""
+        """Expected range of each quantity, (n, 2) [unit of the model]; NaN if none is stated."""
         words = self.column
         if words.range is None:
             return np.full((len(words.labels), 2), np.nan)
